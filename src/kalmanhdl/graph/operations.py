@@ -1,0 +1,194 @@
+"""The scalar dataflow graph: one class an operation, one frozen value a graph.
+
+Operations refer to their operands by index into ``Graph.operations``, which stands in topological
+order. Two kinds of value flow: numbers and flags (booleans). The same classes serve before formats
+are known (numbers are reals) and after (numbers are raw integers; see ``numerics.typed``).
+"""
+
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from functools import cached_property
+
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A number that comes with every step: a measurement ``z[j]`` or a control ``u[k]``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A flag that comes with every step: ``initialise`` or ``valid[j]``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A number kept from the step before, per track: ``x[i]`` or ``P[i,j]``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateFlag:
+    """A flag kept from the step before, per track: ``saturated``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A number known when the hardware is built, exact."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Add:
+    """a + b, exact."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Subtract:
+    """a - b, exact."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Multiply:
+    """a * b, exact. With a constant operand it is a constant multiplication."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """a * 2**exponent, exact and free: only the binary point moves."""
+
+    a: int
+    exponent: int
+
+
+@dataclass(frozen=True, slots=True)
+class Divide:
+    """a / b. Exact as a real; once typed, see ``arithmetic.division``."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reciprocal:
+    """1 / a for a > 0. Exact as a real; once typed, see ``arithmetic.division``."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
+class Select:
+    """a where the flag holds, else b."""
+
+    flag: int
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Quantise:
+    """The one operation that loses bits: round, then bring into the format."""
+
+    a: int
+    form: Fixed
+    rounding: Rounding
+    overflow: Overflow
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A flag: a, rounded to the format's fraction, does not fit the format."""
+
+    a: int
+    form: Fixed
+    rounding: Rounding
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """Both flags hold."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """One of the flags holds."""
+
+    a: int
+    b: int
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """The flag does not hold."""
+
+    a: int
+
+
+Number = (
+    Input | State | Constant | Add | Subtract | Multiply | Shift | Divide | Reciprocal | Select | Quantise
+)
+Boolean = Flag | StateFlag | Outside | And | Or | Not
+Operation = Number | Boolean
+
+_OPERANDS = ("flag", "a", "b")
+_FLAGS = (Flag, StateFlag, Outside, And, Or, Not)
+
+
+def operands(operation: Operation) -> tuple[int, ...]:
+    """The indices that an operation reads, in the order of its fields."""
+    return tuple(getattr(operation, f.name) for f in fields(operation) if f.name in _OPERANDS)
+
+
+def is_flag(operation: Operation) -> bool:
+    """Whether the value is a flag rather than a number."""
+    return isinstance(operation, _FLAGS)
+
+
+@dataclass(frozen=True)
+class Graph:
+    """One step of a filter as scalar operations.
+
+    ``origins[k]`` names the equation of ``operations[k]``, such as ``update: S[0,1]``. ``states`` gives
+    the operation whose value a state takes for the next step, ``outputs`` what the step puts out; both
+    are ordered.
+    """
+
+    operations: tuple[Operation, ...]
+    origins: tuple[str, ...]
+    states: tuple[tuple[str, int], ...]
+    outputs: tuple[tuple[str, int], ...]
+
+    @cached_property
+    def roots(self) -> tuple[int, ...]:
+        """The operations that a step is run for."""
+        return tuple(index for _, index in (*self.states, *self.outputs))
+
+    @cached_property
+    def users(self) -> tuple[tuple[int, ...], ...]:
+        """For each operation, those that read it."""
+        users: list[list[int]] = [[] for _ in self.operations]
+        for index, operation in enumerate(self.operations):
+            for operand in dict.fromkeys(operands(operation)):
+                users[operand].append(index)
+        return tuple(map(tuple, users))

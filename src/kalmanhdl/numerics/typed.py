@@ -1,0 +1,38 @@
+"""A graph whose numbers are raw integers: a format and an interval for every operation."""
+
+from dataclasses import dataclass
+
+from kalmanhdl.graph.operations import Graph
+from kalmanhdl.arithmetic.division import DivisionMethod
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """The raw integers, from ``low`` to ``high``, that a number can take."""
+
+    low: int
+    high: int
+
+
+@dataclass(frozen=True)
+class TypedGraph:
+    """A graph with its integers.
+
+    ``formats[k]`` and ``intervals[k]`` belong to ``graph.operations[k]``, None for flags. The exact
+    operations (add, subtract, multiply, shift, select) have formats wide enough for every value of
+    their interval. For two operands of different fraction the value with fewer fraction bits is
+    shifted left first: ``fraction = max(a, b)`` for add, subtract and select, the sum for multiply.
+    Every ``Reciprocal`` and ``Divide`` is computed by ``division``, rounded by ``division_rounding``
+    into its own format, and saturates.
+
+    ``scales`` gives the real value of one unit of each input, state and output: real = scale * raw *
+    2**-fraction.
+    """
+
+    graph: Graph
+    formats: tuple[Fixed | None, ...]
+    intervals: tuple[Interval | None, ...]
+    division: DivisionMethod
+    division_rounding: Rounding
+    scales: dict[str, float]
