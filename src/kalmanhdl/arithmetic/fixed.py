@@ -125,7 +125,9 @@ def _choose(condition: Any, if_true: Any, if_false: Any) -> Any:
     return if_true if condition else if_false
 
 
-def quantise(raw: int, fraction: int, form: Fixed, rounding: Rounding, overflow: Overflow) -> tuple[int, bool]:
+def quantise(
+    raw: int, fraction: int, form: Fixed, rounding: Rounding, overflow: Overflow
+) -> tuple[int, bool]:
     """Bring a raw integer of some ``fraction`` into a format.
 
     Returns the raw integer of the format, and whether the rounded value lay outside of it.

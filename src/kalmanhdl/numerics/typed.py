@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from kalmanhdl.graph.operations import Graph
 from kalmanhdl.arithmetic.division import DivisionMethod
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.graph.operations import Graph
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
