@@ -1,7 +1,7 @@
 """Linear time-invariant state-space models and how a track starts.
 
-    x(k) = F x(k-1) + B u(k) + offset + w,   w ~ N(0, Q)
-    z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
+x(k) = F x(k-1) + B u(k) + offset + w,   w ~ N(0, Q)
+z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
 """
 
 from dataclasses import dataclass

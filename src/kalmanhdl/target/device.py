@@ -1,0 +1,35 @@
+"""Devices as data: what a part holds and how long its logic takes, as measured by the tools."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Device:
+    """One part at one speed grade.
+
+    ``delays[kind]`` is a table of (size, nanoseconds), sorted by size; kinds: ``add`` (carry chain, by
+    width), ``multiply`` (one block), ``compare``, ``select``, ``table`` (logic ROM, by address bits),
+    ``shift`` (variable shift, by width), ``leading_one`` (by width), ``context_read`` (clock to data),
+    ``context_write``, ``register`` (clock to output plus setup).
+    """
+
+    name: str
+    grade: int
+    family: str
+    luts: int
+    ffs: int
+    multipliers: int
+    block_rams: int
+    multiplier_width: int
+    pipelined_period_ns: float
+    delays: dict[str, tuple[tuple[int, float], ...]]
+    measured_with: str
+
+    def delay_ns(self, kind: str, size: int) -> float:
+        """The delay of a piece of logic, between measured sizes by interpolation, beyond by extension."""
+        table = self.delays[kind]
+        if len(table) == 1:
+            return table[0][1]
+        pairs = list(zip(table, table[1:], strict=False))
+        (x0, y0), (x1, y1) = next((p for p in pairs if size <= p[1][0]), pairs[-1])
+        return max(0.0, y0 + (y1 - y0) * (size - x0) / (x1 - x0))
