@@ -1,6 +1,7 @@
 """Devices as data: what a part holds and how long its logic takes, as measured by the tools."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +31,6 @@ class Device:
         table = self.delays[kind]
         if len(table) == 1:
             return table[0][1]
-        pairs = list(zip(table, table[1:], strict=False))
+        pairs = list(pairwise(table))
         (x0, y0), (x1, y1) = next((p for p in pairs if size <= p[1][0]), pairs[-1])
         return max(0.0, y0 + (y1 - y0) * (size - x0) / (x1 - x0))
