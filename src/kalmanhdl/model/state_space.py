@@ -4,10 +4,15 @@ x(k) = F x(k-1) + B u(k) + offset + w,   w ~ N(0, Q)
 z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
 """
 
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from kalmanhdl.model import checks
+from kalmanhdl.validation import KalmanhdlWarning
 
 Array = NDArray[np.float64]
 
@@ -34,6 +39,23 @@ class Initial:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Dynamics:
+    """The checked matrices of a model, from which a rule of ``model.initial`` derives its start."""
+
+    F: Array
+    H: Array
+    Q: Array
+    R: Array
+    B: Array
+    offset: Array
+    measurement_offset: Array
+    state_names: tuple[str, ...]
+
+
+InitialRule = Callable[[Dynamics], Initial]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearModel:
     """What is estimated. Shapes: F (n, n), H (m, n), Q (n, n), R (m, m), B (n, p), p may be 0."""
 
@@ -51,18 +73,138 @@ class LinearModel:
     control_names: tuple[str, ...]
     # Declared limits, real units, per measurement (m, 2), or None: formats then rest on simulation.
     measurement_range: Array | None = None
+    # Weight of each measurement in the normalised innovation squared (m,), where the covariances of
+    # decoupled components are in different units; None: all one.
+    nis_weight: Array | None = None
 
     @property
     def n(self) -> int:
         """Number of states."""
-        return self.F.shape[0]
+        return len(self.F)
 
     @property
     def m(self) -> int:
         """Number of measurements."""
-        return self.H.shape[0]
+        return len(self.H)
 
     @property
     def p(self) -> int:
         """Number of controls."""
-        return self.B.shape[1]
+        return int(self.B.shape[1])
+
+
+def linear_model(
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    *,
+    initial: Initial | InitialRule,
+    B: ArrayLike | None = None,
+    offset: ArrayLike | None = None,
+    measurement_offset: ArrayLike | None = None,
+    state_names: Sequence[str] | None = None,
+    state_units: Sequence[str] | None = None,
+    measurement_names: Sequence[str] | None = None,
+    control_names: Sequence[str] | None = None,
+    measurement_range: ArrayLike | None = None,
+) -> LinearModel:
+    """A checked model; ``initial`` is an ``Initial`` or a rule such as ``given(x, P)`` or ``two_point()``.
+
+    Shapes: F (n, n), H (m, n), Q (n, n), R (m, m), B (n, p), offset (n,), measurement_offset (m,),
+    measurement_range (m, 2). Symmetric matrices are made exactly so.
+
+    Raises:
+        ModelError: a shape, a number that is not finite, an asymmetric matrix, an indefinite Q or P, an R
+            that is not positive definite, a name. Warns with ``KalmanhdlWarning`` of unobservable states.
+    """
+    F = checks.array("F", F, (None, None), "F is n x n")
+    n = F.shape[0]
+    if F.shape != (n, n) or n > checks.MAX_STATES:
+        rule = f"F is square, with at most {checks.MAX_STATES} states"
+        raise checks.fault("F", f" is {n} x {F.shape[1]}: {rule}")
+    H = checks.array("H", H, (None, n), f"H is m x {n}, a row a measurement and a column a state")
+    m = H.shape[0]
+    if m > checks.MAX_MEASUREMENTS:
+        raise checks.fault("H", f" has {m} rows: at most {checks.MAX_MEASUREMENTS} measurements")
+    B = _control_matrix(B, n)
+    dynamics = Dynamics(
+        F=F,
+        H=H,
+        Q=checks.covariance("Q", checks.array("Q", Q, (n, n), f"Q is {n} x {n}, as F"), definite=False),
+        R=checks.covariance(
+            "R", checks.array("R", R, (m, m), f"R is {m} x {m}, a row a measurement"), definite=True
+        ),
+        B=B,
+        offset=_vector("offset", offset, n, "state"),
+        measurement_offset=_vector("measurement_offset", measurement_offset, m, "measurement"),
+        state_names=checks.names("state", state_names, n, "x"),
+    )
+    measured = checks.names("measurement", measurement_names, m, "z")
+    controls = checks.names("control", control_names, B.shape[1], "u")
+    checks.check_columns(measured, controls)
+    start = initial if isinstance(initial, Initial) else initial(dynamics)
+    _warn_of_unobservable(dynamics)
+    return LinearModel(
+        F=F,
+        H=H,
+        Q=dynamics.Q,
+        R=dynamics.R,
+        initial=_checked_initial(start, n, m),
+        B=B,
+        offset=dynamics.offset,
+        measurement_offset=dynamics.measurement_offset,
+        state_names=dynamics.state_names,
+        state_units=checks.units(state_units, n),
+        measurement_names=measured,
+        control_names=controls,
+        measurement_range=checks.ranges(measurement_range, m),
+    )
+
+
+def _control_matrix(B: ArrayLike | None, n: int) -> Array:
+    if B is None or np.shape(B) == (n, 0):
+        return np.zeros((n, 0))
+    result = checks.array("B", B, (n, None), f"B is {n} x p, a row a state and a column a control")
+    if result.shape[1] > checks.MAX_STATES:
+        raise checks.fault("B", f" has {result.shape[1]} columns: at most {checks.MAX_STATES} controls")
+    return result
+
+
+def _vector(key: str, value: ArrayLike | None, count: int, what: str) -> Array:
+    if value is None:
+        value = np.zeros(count)
+    return checks.array(key, value, (count,), f"{count} numbers, one a {what}")
+
+
+def _checked_initial(start: Initial, n: int, m: int) -> Initial:
+    P = checks.array("initial.P", start.P, (n, n), f"P is {n} x {n}, as F")
+    return Initial(
+        x=_vector("initial.x", start.x, n, "state"),
+        from_measurement=checks.array(
+            "initial.from_measurement", start.from_measurement, (n, m), f"from_measurement is {n} x {m}"
+        ),
+        from_state=checks.array(
+            "initial.from_state", start.from_state, (n, n), f"from_state is {n} x {n}"
+        ),
+        P=checks.covariance("initial.P", P, definite=False),
+        points=_checked_points(start.points),
+        before_update=bool(start.before_update),
+    )
+
+
+def _checked_points(points: int) -> int:
+    if isinstance(points, bool) or not isinstance(points, int) or not 1 <= points <= 16:
+        raise checks.fault("initial.points", f" = {points!r}: an integer from 1 to 16")
+    return points
+
+
+def _warn_of_unobservable(dynamics: Dynamics) -> None:
+    hidden = [dynamics.state_names[i] for i in checks.unobservable(dynamics.F, dynamics.H)]
+    if hidden:
+        warnings.warn(
+            f"no sequence of measurements determines {', '.join(hidden)}: "
+            "their variance may grow without bound; measure them or leave them out",
+            KalmanhdlWarning,
+            stacklevel=3,
+        )

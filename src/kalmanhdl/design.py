@@ -1,0 +1,112 @@
+"""A design: everything a user decides, as one frozen value."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
+
+ALGORITHMS = ("conventional", "joseph")
+
+MAX_INTERVAL = 65536
+MAX_CHANNELS = 65536
+MAX_BLOCKS = 65536
+MAX_CLOCK_MHZ = 10_000.0
+MAX_SEEDS = 64
+MAX_GRADE = 64
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Architecture:
+    """How fast a step follows another, and for how many tracks.
+
+    A step starts every ``interval`` clocks; None is the recurrence bound, the fastest one track allows.
+    ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks`` the most
+    multiplications that may use DSP blocks; None leaves both to the tool.
+    """
+
+    interval: int | None = None
+    channels: int = 1
+    clock_mhz: float | None = None
+    multiplier_blocks: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.interval is not None:
+            _check_integer("architecture", "interval", self.interval, 1, MAX_INTERVAL)
+        _check_integer("architecture", "channels", self.channels, 1, MAX_CHANNELS)
+        if self.multiplier_blocks is not None:
+            _check_integer("architecture", "multiplier_blocks", self.multiplier_blocks, 0, MAX_BLOCKS)
+        clock = self.clock_mhz
+        if clock is not None and (isinstance(clock, bool) or not 0 < clock <= MAX_CLOCK_MHZ):
+            problem = f" = {shown(clock)}: a clock lies between 0 and {MAX_CLOCK_MHZ:.0f} MHz"
+            raise InvalidValueError("architecture", "clock_mhz", problem)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The device, its speed grade, and how many placements are tried."""
+
+    device: str = "ecp5-25k"
+    grade: int = 6
+    seeds: int = 4
+
+    def __post_init__(self) -> None:
+        device = self.device
+        if not isinstance(device, str) or not 0 < len(device) <= 64 or not device.isprintable():
+            problem = f" = {shown(device)}: a device is a name like \"ecp5-25k\""
+            raise InvalidValueError("target", "device", problem)
+        _check_integer("target", "grade", self.grade, 1, MAX_GRADE)
+        _check_integer("target", "seeds", self.seeds, 1, MAX_SEEDS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Design:
+    """What is estimated, how, with which numbers, how fast and on which device.
+
+    Raises:
+        DesignError: a name, an algorithm or a number that cannot be.
+    """
+
+    name: str
+    model: LinearModel
+    algorithm: str = "conventional"
+    numerics: FixedSpecification = field(default_factory=FixedSpecification)
+    architecture: Architecture = field(default_factory=Architecture)
+    target: Target = field(default_factory=Target)
+
+    def __post_init__(self) -> None:
+        problem = identifier_problem(self.name)
+        if problem is None and self.name in VERILOG_WORDS:
+            problem = f"{shown(self.name)} is a word of Verilog: choose another name"
+        if problem:
+            raise InvalidValueError("", "name", f": {problem}")
+        if self.algorithm not in ALGORITHMS:
+            hint = nearest(str(self.algorithm), ALGORITHMS)
+            raise InvalidValueError("algorithm", "kind", f" = {shown(self.algorithm)} is unknown: {hint}")
+        _check_scales(self.numerics, self.model.n)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Design":
+        """The design of a TOML file.
+
+        Raises:
+            DesignError: the file cannot be read, or says something that cannot be; the message names
+                file, line, table, key and value.
+        """
+        # Files need pydantic; a design made of objects does not.
+        from kalmanhdl.design_file import load
+
+        return load(path)
+
+
+def _check_integer(table: str, key: str, value: object, low: int, high: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise InvalidValueError(table, key, f" = {shown(value)}: an integer from {low} to {high}")
+
+
+def _check_scales(numerics: FixedSpecification, n: int) -> None:
+    for key in ("scale", "covariance_scale"):
+        scale = getattr(numerics, key)
+        if isinstance(scale, tuple) and len(scale) != n:
+            problem = f" has {len(scale)} numbers: one for each of the {n} states"
+            raise InvalidValueError("numerics", key, problem)

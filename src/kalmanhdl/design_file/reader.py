@@ -1,0 +1,252 @@
+"""A design from TOML text. Everything wrong in it ends as one DesignError that names the place."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.design_file.lines import line_of
+from kalmanhdl.design_file.schema import (
+    INITIALS,
+    MODELS,
+    NUMERICS,
+    AffineTable,
+    AlgorithmTable,
+    ArchitectureTable,
+    FixedTable,
+    GivenTable,
+    LinearTable,
+    MotionTable,
+    RootTable,
+    Table,
+    TargetTable,
+    TwoPointTable,
+)
+from kalmanhdl.design_file.values import Context, number
+from kalmanhdl.errors import DesignError, ModelError
+from kalmanhdl.model.expression import MAX_CONSTANTS, RESERVED, ExpressionError, resolve
+from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.motion import constant_acceleration, constant_velocity
+from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
+from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
+from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
+
+MAX_BYTES = 1 << 20
+MAX_DOTS = 16
+
+_T = TypeVar("_T", bound=Table)
+_MOTIONS = {"constant_velocity": constant_velocity, "constant_acceleration": constant_acceleration}
+
+
+def load(path: str | Path) -> Design:
+    """The design of a TOML file.
+
+    Raises:
+        DesignError: the file cannot be read, or says something that cannot be.
+    """
+    name = shown(str(path))[1:-1]
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DesignError(f"{name}: cannot be read: {reason}") from None
+    if len(content) > MAX_BYTES:
+        raise DesignError(f"{name}: larger than {MAX_BYTES} bytes: a design file is a short text")
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise DesignError(f"{name}, line {line}: not UTF-8: save the file as UTF-8 text") from None
+    return loads(text, name)
+
+
+def loads(text: str, source: str = "design") -> Design:
+    """The design of TOML text; ``source`` is its name in messages.
+
+    Raises:
+        DesignError: as ``load``.
+    """
+    tables = _parsed(text, source)
+    try:
+        return _design(tables)
+    except InvalidValueError as error:
+        line = line_of(text, error.table, error.key)
+        place = source if line is None else f"{source}, line {line}"
+        kind = ModelError if isinstance(error, ModelError) else DesignError
+        raise kind(f"{place}: {error}") from None
+
+
+def _parsed(text: str, source: str) -> dict[str, Any]:
+    for count, line in enumerate(text.splitlines(), 1):
+        # The parser's time grows with the square of a dotted key's length.
+        if line.partition("=")[0].count(".") > MAX_DOTS:
+            raise DesignError(f"{source}, line {count}: not TOML: a key of more than {MAX_DOTS} dots")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise DesignError(f"{source}: not TOML: {reason}") from None
+
+
+def _design(tables: dict[str, Any]) -> Design:
+    root = _checked(RootTable, tables, "", Context({}))
+    context = Context(_constants(root.model.get("constants", {})))
+    algorithm = _checked(AlgorithmTable, root.algorithm, "algorithm", context)
+    architecture = _checked(ArchitectureTable, root.architecture, "architecture", context)
+    target = _checked(TargetTable, root.target, "target", context)
+    interval = None if architecture.interval == "bound" else architecture.interval
+    return Design(
+        name=root.name,
+        model=_model(root.model, context),
+        algorithm=algorithm.kind,
+        numerics=_numerics(root.numerics, context),
+        architecture=Architecture(
+            interval=interval,
+            channels=architecture.channels,
+            clock_mhz=architecture.clock_mhz,
+            multiplier_blocks=architecture.multiplier_blocks,
+        ),
+        target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
+    )
+
+
+def _constants(table: object) -> dict[str, float]:
+    where = "model.constants"
+    if not isinstance(table, dict):
+        raise InvalidValueError("model", "constants", f" = {shown(table)}: write [model.constants]")
+    if len(table) > MAX_CONSTANTS:
+        raise InvalidValueError("model", "constants", f" are {len(table)}: at most {MAX_CONSTANTS}")
+    entries: dict[str, float | str] = {}
+    for name, value in table.items():
+        problem = identifier_problem(name)
+        if problem is None and name in RESERVED:
+            problem = f"{shown(name)} has a meaning of its own in expressions: choose another name"
+        if problem:
+            raise InvalidValueError("model", "constants", f": {problem}")
+        try:
+            entries[name] = value if isinstance(value, str) else number(value, {})
+        except ValueError as error:
+            raise InvalidValueError(where, name, f": {error}") from None
+    try:
+        return resolve(entries)
+    except ExpressionError as error:
+        name, _, problem = str(error).partition(": ")
+        raise InvalidValueError(where, name, f": {problem}") from None
+
+
+def _model(table: dict[str, Any], context: Context) -> LinearModel:
+    checked = _of_kind(MODELS, table, "model", context)
+    initial = _initial(checked.initial, context)
+    if isinstance(checked, LinearTable):
+        return _linear(checked, initial)
+    assert isinstance(checked, MotionTable)
+    motion = _MOTIONS[checked.kind](
+        T=checked.T, noise=checked.noise, axes=checked.axes, discretisation=checked.discretisation
+    )
+    return linear_model(
+        motion.F,
+        motion.H,
+        motion.Q,
+        checked.R,
+        initial=initial,
+        measurement_offset=checked.measurement_offset,
+        state_names=motion.state_names,
+        state_units=checked.unit,
+        measurement_names=checked.measurement or [f"{axis}_plot" for axis in motion.axes],
+        measurement_range=checked.measurement_range,
+    )
+
+
+def _linear(table: LinearTable, initial: Initial | InitialRule) -> LinearModel:
+    return linear_model(
+        table.F,
+        table.H,
+        table.Q,
+        table.R,
+        initial=initial,
+        B=table.B,
+        offset=table.offset,
+        measurement_offset=table.measurement_offset,
+        state_names=table.state,
+        state_units=table.unit,
+        measurement_names=table.measurement,
+        control_names=table.control,
+        measurement_range=table.measurement_range,
+    )
+
+
+def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
+    checked = _of_kind(INITIALS, table, "model.initial", context)
+    if isinstance(checked, GivenTable):
+        return given(checked.x, checked.P, at=checked.at)
+    if isinstance(checked, TwoPointTable):
+        return two_point(P=checked.P)
+    assert isinstance(checked, AffineTable)
+    return Initial(
+        x=np.array(checked.x),
+        from_measurement=np.array(checked.from_measurement),
+        from_state=np.array(checked.from_state),
+        P=np.array(checked.P),
+        points=checked.points,
+        before_update=checked.before_update,
+    )
+
+
+def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:
+    checked: FixedTable = _of_kind(NUMERICS, {"kind": "fixed", **table}, "numerics", context)
+    return FixedSpecification(
+        width=checked.width,
+        classes=checked.classes(SIGNAL_CLASSES),
+        signals=checked.signals,
+        rounding=checked.rounding,
+        overflow=checked.overflow,
+        scale=checked.scale,
+        covariance_scale=checked.covariance_scale,
+        division=checked.division,
+    )
+
+
+def _of_kind(
+    kinds: Mapping[str, type[_T]], table: dict[str, Any], where: str, context: Context
+) -> _T:
+    """The table, checked by the class that its ``kind`` names."""
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in kinds:
+        if kind is None:
+            raise InvalidValueError(where, "kind", f" is missing: valid are {', '.join(kinds)}")
+        raise InvalidValueError(where, "kind", f" = {shown(kind)} is unknown: {nearest(str(kind), kinds)}")
+    return _checked(kinds[kind], table, where, context)
+
+
+def _checked(table_class: type[_T], table: dict[str, Any], where: str, context: Context) -> _T:
+    try:
+        return table_class.model_validate(table, context=context)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    # A misspelt key is also a missing one: the spelling is what helps.
+    first = min(details, key=lambda detail: detail["type"] != "extra_forbidden")
+    raise _fault(first, table_class, where)
+
+
+def _fault(detail: ErrorDetails, table_class: type[Table], where: str) -> InvalidValueError:
+    key = str(detail["loc"][0])
+    match detail["type"]:
+        case "extra_forbidden":
+            hint = nearest(key, table_class.model_fields)
+            return InvalidValueError(where, shown(key)[1:-1], f" is an unknown key: {hint}")
+        case "missing":
+            return InvalidValueError(where, key, " is missing")
+        case "value_error":
+            message = str(detail["ctx"]["error"])
+            return InvalidValueError(where, key, message if message.startswith("[") else f": {message}")
+        case _:
+            rule = detail["msg"].removeprefix("Input should be ")
+            return InvalidValueError(where, key, f" = {shown(detail['input'])}: write {rule}")
+
+

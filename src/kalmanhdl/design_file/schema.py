@@ -1,0 +1,169 @@
+"""The tables of a design file, one pydantic model each; unknown keys are errors."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from kalmanhdl.arithmetic.division import LongDivision
+from kalmanhdl.arithmetic.fixed import Overflow, Rounding
+from kalmanhdl.design_file.values import (
+    Axes,
+    Division,
+    Forms,
+    FormValue,
+    Integer,
+    Matrix,
+    Names,
+    Noise,
+    Number,
+    Scale,
+    Scales,
+    Vector,
+)
+from kalmanhdl.model.initial import At
+from kalmanhdl.model.motion import Discretisation
+from kalmanhdl.numerics.specification import DEFAULT_WIDTH, Form
+
+
+class Table(BaseModel):
+    """A table whose keys are all known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class RootTable(Table):
+    """The file itself."""
+
+    name: str
+    model: dict[str, Any]
+    algorithm: dict[str, Any] = Field(default_factory=dict)
+    numerics: dict[str, Any] = Field(default_factory=dict)
+    architecture: dict[str, Any] = Field(default_factory=dict)
+    target: dict[str, Any] = Field(default_factory=dict)
+
+
+class CommonModelTable(Table):
+    """What every kind of model says."""
+
+    kind: str
+    R: Matrix
+    initial: dict[str, Any]
+    constants: dict[str, Any] = Field(default_factory=dict)
+    unit: Names | None = None
+    measurement: Names | None = None
+    measurement_offset: Vector | None = None
+    measurement_range: Matrix | None = None
+
+
+class LinearTable(CommonModelTable):
+    """``kind = "linear"``: the matrices themselves."""
+
+    F: Matrix
+    H: Matrix
+    Q: Matrix
+    B: Matrix | None = None
+    offset: Vector | None = None
+    state: Names | None = None
+    control: Names | None = None
+
+
+class MotionTable(CommonModelTable):
+    """``kind = "constant_velocity"`` or ``"constant_acceleration"``, with measured positions."""
+
+    T: Number
+    noise: Noise
+    axes: Axes = 1
+    discretisation: Discretisation = "piecewise"
+
+
+class GivenTable(Table):
+    """``kind = "given"``."""
+
+    kind: str
+    x: Vector
+    P: Matrix
+    at: At = "first"
+
+
+class TwoPointTable(Table):
+    """``kind = "two_point"``."""
+
+    kind: str
+    P: Matrix | None = None
+
+
+class AffineTable(Table):
+    """``kind = "affine"``: the general form, x := x + from_measurement z + from_state (x kept before)."""
+
+    kind: str
+    x: Vector
+    P: Matrix
+    from_measurement: Matrix
+    from_state: Matrix
+    points: Integer = 1
+    before_update: bool = False
+
+
+class AlgorithmTable(Table):
+    """How the estimate is computed."""
+
+    kind: str = "conventional"
+
+
+class FixedTable(Table):
+    """``kind = "fixed"``: fixed-point arithmetic."""
+
+    kind: str = "fixed"
+    width: Integer = DEFAULT_WIDTH
+    rounding: Rounding = Rounding.FLOOR
+    overflow: Overflow = Overflow.SATURATE
+    state: FormValue | None = None
+    covariance: FormValue | None = None
+    gain: FormValue | None = None
+    measurement: FormValue | None = None
+    control: FormValue | None = None
+    innovation: FormValue | None = None
+    innovation_covariance: FormValue | None = None
+    reciprocal: FormValue | None = None
+    nis: FormValue | None = None
+    constant: FormValue | None = None
+    product: FormValue | None = None
+    scale: Scales = "auto"
+    covariance_scale: Scale = "auto"
+    division: Division = Field(default_factory=LongDivision)
+    signals: Forms = Field(default_factory=dict)
+
+    def classes(self, names: tuple[str, ...]) -> dict[str, Form]:
+        """The formats of the signal classes that the file gives."""
+        given = {name: getattr(self, name) for name in names}
+        return {name: form for name, form in given.items() if form is not None}
+
+
+class ArchitectureTable(Table):
+    """How fast, and for how many tracks."""
+
+    interval: Integer | Literal["bound"] = "bound"
+    channels: Integer = 1
+    clock_mhz: Number | None = None
+    multiplier_blocks: Integer | None = None
+
+
+class TargetTable(Table):
+    """The device."""
+
+    device: str = "ecp5-25k"
+    grade: Integer = 6
+    seeds: Integer = 4
+
+
+MODELS: dict[str, type[CommonModelTable]] = {
+    "linear": LinearTable,
+    "constant_velocity": MotionTable,
+    "constant_acceleration": MotionTable,
+}
+INITIALS: dict[str, type[Table]] = {
+    "given": GivenTable,
+    "two_point": TwoPointTable,
+    "affine": AffineTable,
+}
+NUMERICS: dict[str, type[FixedTable]] = {"fixed": FixedTable}

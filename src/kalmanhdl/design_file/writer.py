@@ -1,0 +1,157 @@
+"""A design as TOML text that loads to an equal design."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.errors import OutputError
+from kalmanhdl.model.state_space import Initial, LinearModel
+from kalmanhdl.numerics.specification import FixedSpecification, Form
+
+Array = NDArray[np.float64]
+Lines = list[str]
+
+
+def dump(design: Design, path: str | Path) -> None:
+    """Write a design file.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    try:
+        Path(path).write_text(dumps(design), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def dumps(design: Design) -> str:
+    """The text of a design file; ``loads`` of it gives the design, every number to the last bit.
+
+    Motion models are written as the matrices they stand for, expressions as their values.
+    """
+    blocks = [
+        [f"name = {_text(design.name)}"],
+        _model(design.model),
+        _initial(design.model.initial),
+        ["[algorithm]", f"kind = {_text(design.algorithm)}"],
+        _numerics(design.numerics),
+        _signals(design.numerics),
+        _architecture(design.architecture),
+        _target(design.target),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
+
+
+def _model(model: LinearModel) -> Lines:
+    lines = ["[model]", 'kind = "linear"', f"state = {_texts(model.state_names)}"]
+    if any(model.state_units):
+        lines.append(f"unit = {_texts(model.state_units)}")
+    lines.append(f"measurement = {_texts(model.measurement_names)}")
+    if model.p:
+        lines.append(f"control = {_texts(model.control_names)}")
+    for key in ("F", "H", "Q", "R", "B", "measurement_range"):
+        matrix = getattr(model, key)
+        if matrix is not None and matrix.size:
+            lines.append(f"{key} = {_matrix(matrix)}")
+    for key in ("offset", "measurement_offset"):
+        vector = getattr(model, key)
+        if vector.any():
+            lines.append(f"{key} = {_vector(vector)}")
+    return lines
+
+
+def _initial(initial: Initial) -> Lines:
+    is_given = initial.points == 1 and initial.before_update
+    is_given = is_given and not initial.from_measurement.any() and not initial.from_state.any()
+    lines = ["[model.initial]", f'kind = "{"given" if is_given else "affine"}"', f"x = {_vector(initial.x)}"]
+    if not is_given:
+        lines.append(f"from_measurement = {_matrix(initial.from_measurement)}")
+        lines.append(f"from_state = {_matrix(initial.from_state)}")
+        lines.append(f"points = {initial.points}")
+        lines.append(f"before_update = {str(initial.before_update).lower()}")
+    return [*lines, f"P = {_matrix(initial.P)}"]
+
+
+def _numerics(numerics: FixedSpecification) -> Lines:
+    lines = ["[numerics]", 'kind = "fixed"', f"width = {numerics.width}"]
+    lines += [f"{name} = {_form(form)}" for name, form in numerics.classes.items()]
+    lines.append(f"rounding = {_text(numerics.rounding.value)}")
+    lines.append(f"overflow = {_text(numerics.overflow.value)}")
+    lines.append(f"scale = {_scale(numerics.scale)}")
+    lines.append(f"covariance_scale = {_scale(numerics.covariance_scale)}")
+    return [*lines, f"division = {_division(numerics.division)}"]
+
+
+def _signals(numerics: FixedSpecification) -> Lines:
+    if not numerics.signals:
+        return []
+    lines = [f"{_text(name)} = {_form(form)}" for name, form in numerics.signals.items()]
+    return ["[numerics.signals]", *lines]
+
+
+def _architecture(architecture: Architecture) -> Lines:
+    interval = '"bound"' if architecture.interval is None else str(architecture.interval)
+    lines = ["[architecture]", f"interval = {interval}", f"channels = {architecture.channels}"]
+    if architecture.clock_mhz is not None:
+        lines.append(f"clock_mhz = {_number(architecture.clock_mhz)}")
+    if architecture.multiplier_blocks is not None:
+        lines.append(f"multiplier_blocks = {architecture.multiplier_blocks}")
+    return lines
+
+
+def _target(target: Target) -> Lines:
+    return [
+        "[target]",
+        f"device = {_text(target.device)}",
+        f"grade = {target.grade}",
+        f"seeds = {target.seeds}",
+    ]
+
+
+def _form(form: Form) -> str:
+    if isinstance(form, Fixed):
+        signed = str(form.signed).lower()
+        return f"{{ width = {form.width}, fraction = {form.fraction}, signed = {signed} }}"
+    return str(form)
+
+
+def _division(division: DivisionMethod) -> str:
+    if isinstance(division, LongDivision):
+        return f'"radix{division.radix}"'
+    return f"{{ table = {division.index_bits}, newton = {division.iterations} }}"
+
+
+def _scale(scale: str | float | tuple[float, ...]) -> str:
+    if isinstance(scale, str):
+        return _text(scale)
+    return _vector(scale) if isinstance(scale, tuple) else _number(scale)
+
+
+def _matrix(matrix: Array) -> str:
+    if matrix.shape[0] == matrix.shape[1] and not (matrix - np.diag(np.diag(matrix))).any():
+        return f"{{ diagonal = {_vector(np.diag(matrix))} }}"
+    rows = ",\n    ".join(_vector(row) for row in matrix)
+    return f"[\n    {rows},\n]" if len(matrix) > 1 else f"[{rows}]"
+
+
+def _vector(numbers: Iterable[float]) -> str:
+    return f"[{', '.join(_number(value) for value in numbers)}]"
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def _texts(texts: Iterable[str]) -> str:
+    return f"[{', '.join(map(_text, texts))}]"
+
+
+def _text(text: str) -> str:
+    # Every JSON string is a basic string of TOML.
+    return json.dumps(text)

@@ -1,0 +1,141 @@
+"""Motion models: constant velocity and constant acceleration along independent axes.
+
+Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
+sections 6.2 (continuous white noise) and 6.3 (noise constant over a period).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.model.checks import fault
+from kalmanhdl.validation import names_problem, shown
+
+Array = NDArray[np.float64]
+
+Discretisation = Literal["piecewise", "continuous"]
+DISCRETISATIONS = ("piecewise", "continuous")
+DEFAULT_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """F and Q (n, n) of a motion, H (axes, n) that measures the positions, and the names of the states."""
+
+    F: Array
+    Q: Array
+    H: Array
+    state_names: tuple[str, ...]
+    axes: tuple[str, ...]
+
+
+def constant_velocity(
+    *,
+    T: float,
+    noise: float | Sequence[float],
+    axes: int | Sequence[str] = 1,
+    discretisation: Discretisation = "piecewise",
+) -> Motion:
+    """Position and velocity per axis, driven by white acceleration, with a period of T seconds.
+
+    ``"piecewise"``: an acceleration of standard deviation ``noise`` (m/s^2), constant over each period;
+    Q = noise^2 G G' with G = (T^2/2, T) (section 6.3.2). ``"continuous"``: white acceleration of spectral
+    density ``noise`` (m^2/s^3); Q = noise [[T^3/3, T^2/2], [T^2/2, T]] (section 6.2.2). ``noise`` may be
+    one number, or one per axis; ``axes`` a number from 1 to 3, or one to three names.
+
+    Raises:
+        ModelError: T, noise or axes that cannot be.
+    """
+    T = _period(T)
+    F = np.array([[1, T], [0, 1]])
+    gain = np.array([T**2 / 2, T])
+    density = np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]])
+    return _motion(F, gain, density, ("", "_rate"), noise, axes, discretisation)
+
+
+def constant_acceleration(
+    *,
+    T: float,
+    noise: float | Sequence[float],
+    axes: int | Sequence[str] = 1,
+    discretisation: Discretisation = "piecewise",
+) -> Motion:
+    """Position, velocity and acceleration per axis, with a period of T seconds.
+
+    ``"piecewise"``: the acceleration steps by ``noise`` (standard deviation, m/s^2) each period;
+    Q = noise^2 G G' with G = (T^2/2, T, 1) (section 6.3.3). ``"continuous"``: white jerk of spectral
+    density ``noise`` (m^2/s^5); Q = noise [[T^5/20, T^4/8, T^3/6], [., T^3/3, T^2/2], [., ., T]]
+    (section 6.2.3). Otherwise as ``constant_velocity``.
+    """
+    T = _period(T)
+    F = np.array([[1, T, T**2 / 2], [0, 1, T], [0, 0, 1]])
+    gain = np.array([T**2 / 2, T, 1])
+    density = np.array(
+        [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
+    )
+    return _motion(F, gain, density, ("", "_rate", "_acceleration"), noise, axes, discretisation)
+
+
+def _motion(
+    F: Array,
+    gain: Array,
+    density: Array,
+    suffixes: tuple[str, ...],
+    noise: float | Sequence[float],
+    axes: int | Sequence[str],
+    discretisation: Discretisation,
+) -> Motion:
+    labels = _labels(axes)
+    numbers = _noise(noise, len(labels))
+    if discretisation == "piecewise":
+        blocks = [q**2 * np.outer(gain, gain) for q in numbers]
+    elif discretisation == "continuous":
+        blocks = [q * density for q in numbers]
+    else:
+        valid = ' or '.join(f'"{word}"' for word in DISCRETISATIONS)
+        raise fault("discretisation", f" = {shown(discretisation)}: write {valid}")
+    size = len(gain)
+    identity: Array = np.eye(len(labels))
+    measured: Array = np.eye(1, size)
+    Q = np.zeros((size * len(labels),) * 2)
+    for axis, block in enumerate(blocks):
+        Q[axis * size : (axis + 1) * size, axis * size : (axis + 1) * size] = block
+    return Motion(
+        F=np.asarray(np.kron(identity, F), dtype=np.float64),
+        Q=Q,
+        H=np.asarray(np.kron(identity, measured), dtype=np.float64),
+        state_names=tuple(label + suffix for label in labels for suffix in suffixes),
+        axes=labels,
+    )
+
+
+def _period(T: float) -> float:
+    # Its fifth power must stay finite.
+    if isinstance(T, bool) or not isinstance(T, int | float) or not 1e-30 < T < 1e30:
+        raise fault("T", f" = {shown(T)}: a period is a positive number of seconds")
+    return float(T)
+
+
+def _labels(axes: int | Sequence[str]) -> tuple[str, ...]:
+    if isinstance(axes, int) and not isinstance(axes, bool) and 1 <= axes <= len(DEFAULT_AXES):
+        return DEFAULT_AXES[:axes]
+    if isinstance(axes, list | tuple) and 1 <= len(axes) <= len(DEFAULT_AXES):
+        problem = names_problem(axes)
+        if problem is None:
+            return tuple(axes)
+        raise fault("axes", f": {problem}")
+    raise fault("axes", f" = {shown(axes)}: a number from 1 to 3, or a list of one to three names")
+
+
+def _noise(noise: float | Sequence[float], count: int) -> tuple[float, ...]:
+    numbers = tuple(noise) if isinstance(noise, Sequence) else (noise,) * count
+    if len(numbers) != count:
+        raise fault("noise", f" has {len(numbers)} numbers: one, or one for each of the {count} axes")
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < math.inf:
+            raise fault("noise", f" = {shown(number)}: a finite number of 0 or more")
+    return tuple(map(float, numbers))

@@ -1,0 +1,89 @@
+"""What every check of user input shares: how a wrong value is named, and what a name may be."""
+
+import difflib
+import re
+import reprlib
+from collections.abc import Iterable, Sequence
+
+from kalmanhdl.errors import DesignError, ModelError
+
+MAX_NAME_LENGTH = 64
+
+_VERILOG = """
+always and assign automatic begin bit buf bufif0 bufif1 byte case casex casez cell class cmos config const
+deassign default defparam design disable do edge else end endcase endclass endconfig endfunction endgenerate
+endinterface endmodule endpackage endprimitive endprogram endspecify endtable endtask enum event export extern
+final for force forever fork function generate genvar highz0 highz1 if ifnone import incdir include initial
+inout input instance int integer interface join large liblist library localparam logic longint macromodule
+medium module nand negedge nmos nor noshowcancelled not notif0 notif1 or output package packed parameter pmos
+posedge primitive priority program property pull0 pull1 pulldown pullup pulsestyle_ondetect
+pulsestyle_onevent pure rand rcmos real realtime ref reg release repeat return rnmos rpmos rtran rtranif0
+rtranif1 scalared sequence shortint shortreal showcancelled signed small solve specify specparam static string
+strong0 strong1 struct super supply0 supply1 table tagged task this time timeprecision timeunit tran tranif0
+tranif1 tri tri0 tri1 triand trior trireg type typedef union unique unsigned use var vectored virtual void
+wait wand weak0 weak1 while wire with within wor xnor xor
+"""
+VERILOG_WORDS = frozenset(_VERILOG.split())
+"""Words of Verilog and SystemVerilog that no module may be called by (IEEE 1364-2005, 1800-2009)."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+class KalmanhdlWarning(UserWarning):
+    """Something in a design is allowed, but hardly meant."""
+
+
+class InvalidValueError(DesignError):
+    """A value of a design is wrong. Carries the table and the key, so that a file can add the line."""
+
+    def __init__(self, table: str, key: str, problem: str) -> None:
+        self.table, self.key, self.problem = table, key, problem
+        super().__init__(f"{f'[{table}] ' if table else ''}{key}{problem}")
+
+
+class InvalidModelValueError(InvalidValueError, ModelError):
+    """A value of the model is wrong."""
+
+
+def shown(value: object) -> str:
+    """A value in a message: short, whatever it is."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    brief = reprlib.Repr()
+    brief.maxstring = brief.maxother = brief.maxlong = 60
+    brief.maxlist = brief.maxdict = brief.maxtuple = 4
+    brief.maxlevel = 2
+    return brief.repr(value)
+
+
+def nearest(word: str, valid: Iterable[str]) -> str:
+    """A hint that ends a message: the nearest valid word, or all of them."""
+    words = list(valid)
+    close = difflib.get_close_matches(word[:MAX_NAME_LENGTH], words, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"valid are {', '.join(words)}" if words else "none is valid here"
+
+
+def identifier_problem(name: object) -> str | None:
+    """Why a value is no name for files, columns and Verilog, or None."""
+    if not isinstance(name, str):
+        return f"{shown(name)} is no name: write a string"
+    if len(name) > MAX_NAME_LENGTH:
+        return f"{shown(name)} has {len(name)} characters: a name has at most {MAX_NAME_LENGTH}"
+    if not _IDENTIFIER.match(name):
+        return f"{shown(name)} is no name: use letters, digits and _, and begin with a letter or _"
+    return None
+
+
+def names_problem(names: Sequence[object]) -> str | None:
+    """Why a list is no list of distinct names, or None."""
+    seen: set[object] = set()
+    for name in names:
+        problem = identifier_problem(name)
+        if problem:
+            return problem
+        if name in seen:
+            return f"{shown(name)} stands twice: give every one its own name"
+        seen.add(name)
+    return None
