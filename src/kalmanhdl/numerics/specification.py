@@ -71,7 +71,7 @@ class FixedSpecification:
             _check_form(name, form)
         for name, form in self.signals.items():
             if not _SIGNAL.match(name):
-                problem = f"{shown(name)} is no signal: write it like \"x[0]\" or \"P[0,1]\""
+                problem = f'{shown(name)} is no signal: write it like "x[0]" or "P[0,1]"'
                 raise InvalidValueError("numerics.signals", "", problem)
             _check_form(name, form, "numerics.signals")
         _check_scale("scale", self.scale)
@@ -110,7 +110,7 @@ def _check_scale(key: str, scale: object) -> None:
         return
     for number in scale if isinstance(scale, tuple) else (scale,):
         if not isinstance(number, int | float) or not (math.isfinite(number) and number > 0):
-            problem = f" = {shown(number)}: a scale is a positive number, or \"auto\""
+            problem = f' = {shown(number)}: a scale is a positive number, or "auto"'
             raise InvalidValueError("numerics", key, problem)
 
 
@@ -120,7 +120,7 @@ def _check_division(division: DivisionMethod) -> None:
             raise InvalidValueError("numerics", "division", f" radix {shown(division.radix)}: radix 2 or 4")
         return
     if not isinstance(division, TableNewton):
-        problem = f" = {shown(division)}: \"radix2\", \"radix4\" or {{ table = 10, newton = 0 }}"
+        problem = f' = {shown(division)}: "radix2", "radix4" or {{ table = 10, newton = 0 }}'
         raise InvalidValueError("numerics", "division", problem)
     if not 1 <= division.index_bits <= MAX_INDEX_BITS:
         problem = f" table = {shown(division.index_bits)}: an index has 1 to {MAX_INDEX_BITS} bits"

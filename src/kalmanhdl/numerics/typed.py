@@ -15,6 +15,16 @@ class Interval:
     high: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """A quantisation and its flag, by index; it matters in a step that initialises, in others, or in both."""
+
+    quantise: int
+    outside: int
+    starting: bool
+    running: bool
+
+
 @dataclass(frozen=True)
 class TypedGraph:
     """A graph with its integers.
@@ -26,6 +36,9 @@ class TypedGraph:
     Every ``Reciprocal`` and ``Divide`` is computed by ``division``, rounded by ``division_rounding``
     into its own format, and saturates.
 
+    ``violations`` lists the quantisations that can leave their format, each with its ``Outside`` flag and
+    with the commands under which its value matters; only then is it a violation.
+
     ``scales`` gives the real value of one unit of each input, state and output: real = scale * raw *
     2**-fraction.
     """
@@ -35,4 +48,5 @@ class TypedGraph:
     intervals: tuple[Interval | None, ...]
     division: DivisionMethod
     division_rounding: Rounding
+    violations: tuple[Violation, ...]
     scales: dict[str, float]

@@ -1,0 +1,109 @@
+"""Numbers and flags under tracing: what an algorithm computes with in place of floats."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.graph.builder import Builder
+
+
+class Signal:
+    """A value of a graph under construction; arithmetic on it adds operations."""
+
+    __slots__ = ("builder", "index")
+    # NumPy scalars leave arithmetic with a Signal to the Signal.
+    __array_ufunc__ = None
+
+    def __init__(self, builder: Builder, index: int) -> None:
+        self.builder = builder
+        self.index = index
+
+    def _lift(self, other: Any) -> int:
+        return other.index if isinstance(other, Signal) else self.builder.constant(float(other))
+
+    def _signal(self, index: int) -> "Signal":
+        return Signal(self.builder, index)
+
+    def __add__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.add(self.index, self._lift(other)))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.subtract(self.index, self._lift(other)))
+
+    def __rsub__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.subtract(self._lift(other), self.index))
+
+    def __mul__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.multiply(self.index, self._lift(other)))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.divide(self.index, self._lift(other)))
+
+    def __rtruediv__(self, other: Any) -> "Signal":
+        return self._signal(self.builder.divide(self._lift(other), self.index))
+
+    def __neg__(self) -> "Signal":
+        return self._signal(self.builder.negate(self.index))
+
+
+Scalar = float | NDArray[np.float64] | Signal
+Condition = bool | NDArray[np.bool_] | Signal
+# Arrays of object: every element is a float, an array over tracks, or a Signal.
+Array = NDArray[Any]
+
+
+def select(condition: Condition, a: Scalar, b: Scalar) -> Any:
+    """a where the condition holds, else b, for one element."""
+    if isinstance(condition, Signal):
+        builder = condition.builder
+        index = builder.select(condition.index, _index(builder, a), _index(builder, b))
+        return Signal(builder, index)
+    chosen: Any = np.where(condition, a, b)  # type: ignore[arg-type]
+    return chosen if chosen.ndim else float(chosen)
+
+
+def select_all(condition: Condition, a: Array, b: Array) -> Array:
+    """``select`` for every element of arrays of one shape."""
+    chosen = np.empty(a.shape, object)
+    for place in np.ndindex(*a.shape):
+        chosen[place] = select(condition, a[place], b[place])
+    return chosen
+
+
+def both(a: Condition, b: Condition) -> Any:
+    """The condition a and b."""
+    if isinstance(a, Signal) and isinstance(b, Signal):
+        return Signal(a.builder, a.builder.both(a.index, b.index))
+    return np.logical_and(a, b)  # type: ignore[arg-type]
+
+
+def opposite(a: Condition) -> Any:
+    """The condition not a."""
+    if isinstance(a, Signal):
+        return Signal(a.builder, a.builder.opposite(a.index))
+    return np.logical_not(a)
+
+
+def is_zero(value: Scalar) -> bool:
+    """Whether an element is zero: for a Signal structurally, for every track and input."""
+    if isinstance(value, Signal):
+        return value.builder.value(value.index) == 0
+    return bool(np.all(np.equal(value, 0.0)))
+
+
+def named(origin: str, array: Array) -> Array:
+    """Name the elements of an array, ``update: S`` giving ``update: S[0,1]``; returns the array."""
+    for place in np.ndindex(*array.shape):
+        element = array[place]
+        if isinstance(element, Signal):
+            element.builder.name(element.index, f"{origin}[{','.join(map(str, place))}]")
+    return array
+
+
+def _index(builder: Builder, value: Scalar) -> int:
+    return value.index if isinstance(value, Signal) else builder.constant(float(value))

@@ -1,0 +1,54 @@
+"""From a model and an algorithm to the integers of one step."""
+
+from dataclasses import dataclass
+
+from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.trace import trace
+from kalmanhdl.graph.operations import Graph
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.balance import balanced
+from kalmanhdl.numerics.quantise import quantise
+from kalmanhdl.numerics.ranges import Plots, observed, simulated
+from kalmanhdl.numerics.scaling import Scaling, scaled
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.numerics.units import units
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Numbers:
+    """A step in numbers: the graph of reals in the hardware's units, and the same in integers."""
+
+    scaling: Scaling
+    graph: Graph
+    typed: TypedGraph
+
+
+def numbers(
+    model: LinearModel, update: Update, specification: FixedSpecification, data: Plots | None = None
+) -> Numbers:
+    """The integers of one step of an algorithm on a model.
+
+    Formats rest on tracks simulated from the model, and on ``data`` (in the model's units) where given.
+    """
+    plots = [simulated(model)] + ([data] if data is not None else [])
+    scaling = units(model, update, specification, plots)
+    inner = scaled(model, scaling)
+    graph = trace(inner, update)
+    ranges = None
+    for each in plots:
+        seen = observed(graph, inner, in_units(each, scaling))
+        ranges = seen if ranges is None else ranges.united(seen)
+    assert ranges is not None
+    typed = quantise(graph, ranges, specification, scaling.units(model))
+    return Numbers(scaling=scaling, graph=graph, typed=balanced(typed))
+
+
+def in_units(plots: Plots, scaling: Scaling) -> Plots:
+    """Plots in the units of a scaling."""
+    return Plots(
+        z=plots.z / scaling.measurement,
+        u=plots.u / scaling.control,
+        valid=plots.valid,
+        relevant=plots.relevant,
+    )

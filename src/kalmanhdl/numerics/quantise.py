@@ -1,0 +1,372 @@
+"""From a graph of reals to a graph of integers.
+
+Every named signal (a state, a gain, an innovation) and every operand of a multiplication or division is
+brought into a format once; sums in between are exact. Constant multiplications become shifts and adds.
+"""
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+from kalmanhdl.arithmetic.fixed import Fixed, rounded
+from kalmanhdl.errors import FormatError
+from kalmanhdl.graph.builder import Builder, reachable
+from kalmanhdl.graph.operations import (
+    Add,
+    Constant,
+    Divide,
+    Graph,
+    Input,
+    Multiply,
+    Operation,
+    Outside,
+    Quantise,
+    Reciprocal,
+    Select,
+    Shift,
+    State,
+    StateFlag,
+    Subtract,
+    is_flag,
+)
+from kalmanhdl.graph.simplify import TERM
+from kalmanhdl.numerics.interval import Typed, reciprocal_interval, type_of
+from kalmanhdl.numerics.ranges import Ranges, cone
+from kalmanhdl.numerics.signals import SignalName, signal_of
+from kalmanhdl.numerics.signed_digits import canonical_signed_digits
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.numerics.typed import TypedGraph, Violation
+
+# An operand of a constant multiplication may be this many bits wider than its format before it is rounded.
+_GUARD = 4
+# How far beyond the values that were observed a format reaches, per class.
+_MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 1.5, "product": 1.5, "nis": 2.0, "control": 1.5}
+
+
+def quantise(
+    graph: Graph, ranges: Ranges, specification: FixedSpecification, scales: dict[str, float]
+) -> TypedGraph:
+    """The typed graph of a graph of reals whose operations take values within ``ranges``.
+
+    Raises:
+        FormatError: a constant of the model does not fit the format that the design gives its signal.
+    """
+    lowering = _Lowering(graph, ranges, specification)
+    states = [(name, lowering.state(name, root)) for name, root in graph.states]
+    outputs = [(name, lowering.own(root)) for name, root in graph.outputs]
+    kept_state = dict(states)
+    outputs = [(name, kept_state.get(name, index)) for name, index in outputs]
+    return lowering.finished(states, outputs, scales)
+
+
+class _Lowering:
+    """One pass over a graph; keeps for every operation of reals the exact integer value it became."""
+
+    def __init__(self, graph: Graph, ranges: Ranges, specification: FixedSpecification) -> None:
+        self.graph, self.ranges, self.specification = graph, ranges, specification
+        self.builder = Builder()
+        self.types: list[Typed | None] = []
+        self.given: dict[int, Fixed] = {}
+        self.exact: dict[int, int] = {}
+        for index, operation in enumerate(graph.operations):
+            before = len(self.builder.operations)
+            self.exact[index] = self._lowered(index, operation)
+            self._name(before, self.exact[index], graph.origins[index])
+
+    def _name(self, before: int, last: int, origin: str) -> None:
+        if last >= before:
+            self.builder.name(last, origin)
+        for index in range(before, len(self.builder.operations)):
+            self.builder.name(index, origin if origin.endswith(TERM) else origin + TERM)
+
+    def _lowered(self, index: int, operation: Operation) -> int:
+        builder = self.builder
+        match operation:
+            case Input(name) | State(name):
+                leaf = builder.intern(operation)
+                self.given[leaf] = self._form(index, signal_of(name))
+                return leaf
+            case Constant():
+                return builder.intern(operation)
+            case Add(a, b):
+                return builder.add(*self._addends(a, b))
+            case Subtract(a, b):
+                return builder.subtract(*self._addends(a, b))
+            case Multiply(a, b):
+                factor = builder.value(self.exact[a])
+                if factor is not None:
+                    return self._by_constant(factor, self._near(b))
+                return builder.multiply(self.narrow(a), self.narrow(b))
+            case Shift(a, exponent):
+                return builder.shift(self.own(a), exponent)
+            case Reciprocal(a):
+                return self._division(index, Reciprocal(self._divisor(a)))
+            case Divide(a, b):
+                return self._division(index, Divide(self.narrow(a), self._divisor(b)))
+            case Select(flag, a, b):
+                return builder.select(self.exact[flag], *self._addends(a, b))
+            case _:
+                assert is_flag(operation), operation
+                return builder.rebuild(operation, self.exact)
+
+    def type(self, index: int) -> Typed:
+        """Format and interval of an operation of the new graph."""
+        for k in range(len(self.types), index + 1):
+            operation = self.builder.operations[k]
+            self.types.append(None if is_flag(operation) else self._type(k, operation))
+        typed = self.types[index]
+        assert typed is not None
+        return typed
+
+    def _type(self, index: int, operation: Operation) -> Typed:
+        specification = self.specification
+        if isinstance(operation, Reciprocal):
+            form = self.given[index]
+            divisor = self.types[operation.a]
+            assert divisor is not None
+            interval = reciprocal_interval(divisor, form, specification.rounding, specification.division)
+            return form, interval
+        return type_of(operation, self.types, self.given.get(index))  # type: ignore[arg-type]
+
+    def own(self, index: int) -> int:
+        """The value as later operations see it: in its own format if it has one, else exact."""
+        exact = self.exact[index]
+        if self.builder.value(exact) is not None or is_flag(self.builder.operations[exact]):
+            return exact
+        signal = signal_of(self.graph.origins[index])
+        return self.narrow(index) if signal.own_format else exact
+
+    def narrow(self, index: int) -> int:
+        """The value in its format: an operand of a multiplication."""
+        exact = self.exact[index]
+        if self.builder.value(exact) is not None:
+            return exact
+        signal = self._signal(index)
+        return self._fitted(exact, self._form(index, signal))
+
+    def _near(self, index: int) -> int:
+        """An operand of a constant multiplication: exact while it is not much wider than its format."""
+        own = self.own(index)
+        form = self._form(index, self._signal(index))
+        return own if self.type(own)[0].width <= form.width + _GUARD else self.narrow(index)
+
+    def _divisor(self, index: int) -> int:
+        """A divisor in its format, which has no sign."""
+        signal = self._signal(index)
+        form = self._form(index, signal, unsigned=True)
+        return self._fitted(self.own(index), form)
+
+    def _addends(self, a: int, b: int) -> tuple[int, int]:
+        """Operands of a sum or choice; a constant keeps few bits below the last one of the other."""
+        x, y = self.own(a), self.own(b)
+        return self._beside(x, y), self._beside(y, x)
+
+    def _beside(self, index: int, other: int) -> int:
+        value = self.builder.value(index)
+        if value is None or value == 0:
+            return index
+        constant = _significant(value, self._constant_width())
+        if self.builder.value(other) is None:
+            finest = Fraction(2) ** -(self.type(other)[0].fraction + _GUARD)
+            if constant.denominator > finest.denominator:
+                constant = round(constant / finest) * finest
+        return self.builder.constant(constant)
+
+    def _by_constant(self, factor: Fraction, index: int) -> int:
+        factor = _significant(factor, self._constant_width())
+        builder = self.builder
+        negative, exponent = factor < 0, factor.denominator.bit_length() - 1
+        digits = canonical_signed_digits(abs(factor.numerator))
+        terms = [(sign, builder.shift(index, place - exponent)) for sign, place in digits]
+        total = self._total(terms)
+        return builder.negate(total) if negative else total
+
+    def _total(self, terms: Sequence[tuple[int, int]]) -> int:
+        """A balanced tree over signed terms, of which the last is positive."""
+        while len(terms) > 1:
+            pairs = [terms[k : k + 2] for k in range(0, len(terms), 2)]
+            terms = [self._pair(*pair) if len(pair) == 2 else pair[0] for pair in pairs]
+        sign, index = terms[0]
+        return index if sign > 0 else self.builder.negate(index)
+
+    def _pair(self, a: tuple[int, int], b: tuple[int, int]) -> tuple[int, int]:
+        (p, x), (q, y) = a, b
+        if p == q:
+            return p, self.builder.add(x, y)
+        return 1, self.builder.subtract(x, y) if p > 0 else self.builder.subtract(y, x)
+
+    def _division(self, index: int, operation: Reciprocal | Divide) -> int:
+        made = self.builder.intern(operation)
+        if made not in self.given:
+            signal = SignalName(
+                name=self.graph.origins[index], signal_class="reciprocal", unsigned=True, own_format=True
+            )
+            if isinstance(operation, Divide):
+                signal = self._signal(index)
+            self.given[made] = self._form(index, signal)
+        return made
+
+    def _constant_width(self) -> int:
+        form = self.specification.form("constant")
+        return form.width if isinstance(form, Fixed) else form
+
+    def _signal(self, index: int) -> SignalName:
+        if isinstance(self.graph.operations[index], Reciprocal):
+            return SignalName(name="", signal_class="reciprocal", unsigned=True, own_format=True)
+        return signal_of(self.graph.origins[index])
+
+    def _form(self, index: int, signal: SignalName, unsigned: bool = False) -> Fixed:
+        wanted = self.specification.form(signal.signal_class, signal.name)
+        signed = not (unsigned or signal.unsigned)
+        if isinstance(wanted, Fixed):
+            return wanted if wanted.signed == signed or signed else _unsigned(wanted)
+        greatest = max(abs(self.ranges.low[index]), abs(self.ranges.high[index]))
+        greatest *= _MARGIN.get(signal.signal_class, 1.0)
+        integer = math.frexp(greatest)[1] if greatest else 0
+        return Fixed(width=wanted, fraction=wanted - integer - signed, signed=signed)
+
+    def _fitted(self, index: int, form: Fixed) -> int:
+        """The value in the format; itself where it is always inside and needs no rounding."""
+        exact, interval = self.type(index)
+        if exact.fraction < form.fraction:
+            width = max(1, form.width - (form.fraction - exact.fraction))
+            form = Fixed(width=width, fraction=exact.fraction, signed=form.signed)
+        if exact.fraction == form.fraction and form.lowest <= interval.low and interval.high <= form.highest:
+            return index
+        return self._quantised(index, form)
+
+    def _quantised(self, index: int, form: Fixed) -> int:
+        """Rounded and clamped; choices are made after it, so that constants cost nothing."""
+        operation = self.builder.operations[index]
+        if isinstance(operation, Constant):
+            return self.builder.constant(form.real(form.nearest(operation.value)))
+        if isinstance(operation, Select):
+            a, b = self._quantised(operation.a, form), self._quantised(operation.b, form)
+            return self.builder.select(operation.flag, a, b)
+        exact, interval = self.type(index)
+        if (
+            exact.fraction <= form.fraction
+            and form.real(form.lowest) <= exact.real(interval.low)
+            and exact.real(interval.high) <= form.real(form.highest)
+        ):
+            return index
+        return self.builder.intern(
+            Quantise(index, form, self.specification.rounding, self.specification.overflow)
+        )
+
+    def state(self, name: str, root: int) -> int:
+        """The next value of a state, in exactly the format in which it is kept."""
+        before = len(self.builder.operations)
+        leaf = self.builder.intern(State(name))
+        form = self.given[leaf]
+        self._check_constants(name, self.exact[root], form)
+        index = self._quantised(self.exact[root], form)
+        if self.type(index)[0] != form:
+            index = self.builder.intern(
+                Quantise(index, form, self.specification.rounding, self.specification.overflow)
+            )
+        self._name(before, index, f"posterior: {name}")
+        return index
+
+    def _check_constants(self, name: str, index: int, form: Fixed) -> None:
+        operation = self.builder.operations[index]
+        if isinstance(operation, Select):
+            self._check_constants(name, operation.a, form)
+            self._check_constants(name, operation.b, form)
+        value = self.builder.value(index)
+        if value is not None and not form.real(form.lowest) <= value <= form.real(form.highest):
+            limit = form.real(form.highest if value > 0 else form.lowest)
+            raise FormatError(
+                f"{name} starts at {float(value):.6g} but {form} ends at {float(limit):.6g}: use fewer "
+                "fraction bits, or a larger scale"
+            )
+
+    def finished(
+        self, states: list[tuple[str, int]], outputs: list[tuple[str, int]], scales: dict[str, float]
+    ) -> TypedGraph:
+        """The typed graph with its violations gathered into the flag ``saturated``."""
+        found = self._violations(states, outputs)
+        saturated = self._saturated(found)
+        states, outputs = [*states, ("saturated", saturated)], [*outputs, ("saturated", saturated)]
+        kept = sorted(reachable(self.builder.operations, [index for _, index in (*states, *outputs)]))
+        place = {old: new for new, old in enumerate(kept)}
+        self.type(next(k for k in reversed(kept) if not is_flag(self.builder.operations[k])))
+        types = [None if is_flag(self.builder.operations[k]) else self.type(k) for k in kept]
+        specification = self.specification
+        return TypedGraph(
+            graph=self.builder.graph(states, outputs),
+            formats=tuple(t and t[0] for t in types),
+            intervals=tuple(t and t[1] for t in types),
+            division=specification.division,
+            division_rounding=specification.rounding,
+            violations=tuple(
+                Violation(
+                    quantise=place[v.quantise],
+                    outside=place[v.outside],
+                    starting=v.starting,
+                    running=v.running,
+                )
+                for v in found
+            ),
+            scales=scales,
+        )
+
+    def _violations(self, states: list[tuple[str, int]], outputs: list[tuple[str, int]]) -> list[Violation]:
+        builder = self.builder
+        view = Graph(tuple(builder.operations), tuple(builder.origins), tuple(states), tuple(outputs))
+        starting, running = cone(view, initialise=True), cone(view, initialise=False)
+        found = []
+        for index, operation in enumerate(view.operations):
+            if isinstance(operation, Quantise) and index in starting | running and self._can_leave(operation):
+                outside = builder.intern(Outside(operation.a, operation.form, operation.rounding))
+                builder.name(outside, f"outside: {builder.origins[index]}")
+                found.append(
+                    Violation(
+                        quantise=index, outside=outside, starting=index in starting, running=index in running
+                    )
+                )
+        return found
+
+    def _can_leave(self, operation: Quantise) -> bool:
+        exact, interval = self.type(operation.a)
+        form, dropped = operation.form, exact.fraction - operation.form.fraction
+        low, high = (rounded(raw, dropped, operation.rounding) for raw in (interval.low, interval.high))
+        return bool(low < form.lowest or high > form.highest)
+
+    def _saturated(self, violations: list[Violation]) -> int:
+        """Sticky: a violation in this step, or one before; ``initialise`` forgets those before."""
+        builder = self.builder
+        kept = builder.intern(StateFlag("saturated"))
+        builder.name(kept, "saturated")
+        initialise = next(
+            k for k, op in enumerate(builder.operations) if getattr(op, "name", "") == "initialise"
+        )
+        always = [v.outside for v in violations if v.starting and v.running]
+        starting = [v.outside for v in violations if v.starting and not v.running]
+        running = [kept, *(v.outside for v in violations if v.running and not v.starting)]
+        parts = list(always)
+        if starting:
+            parts.append(builder.both(initialise, self._any(starting)))
+        parts.append(builder.both(builder.opposite(initialise), self._any(running)))
+        result = self._any(parts)
+        for index in range(kept + 1, len(builder.operations)):
+            builder.name(index, "posterior: saturated" if index == result else "posterior: saturated" + TERM)
+        return result
+
+    def _any(self, flags: list[int]) -> int:
+        while len(flags) > 1:
+            pairs = [flags[k : k + 2] for k in range(0, len(flags), 2)]
+            flags = [self.builder.either(*pair) if len(pair) == 2 else pair[0] for pair in pairs]
+        return flags[0]
+
+
+def _significant(value: Fraction, bits: int) -> Fraction:
+    """The value rounded to so many significant bits."""
+    if value == 0:
+        return value
+    exponent = bits - (abs(value.numerator).bit_length() - value.denominator.bit_length()) - 1
+    return round(value * Fraction(2) ** exponent) * Fraction(2) ** -exponent
+
+
+def _unsigned(form: Fixed) -> Fixed:
+    return Fixed(width=form.width - 1 if form.width > 1 else 1, fraction=form.fraction, signed=False)

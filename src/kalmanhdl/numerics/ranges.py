@@ -1,0 +1,178 @@
+"""How large the numbers of a step become: every operation observed over simulated tracks."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.graph.evaluate import evaluate
+from kalmanhdl.graph.operations import And, Flag, Graph, Not, Or, Select, operands
+from kalmanhdl.model.state_space import LinearModel
+
+Array = NDArray[np.float64]
+
+STEPS, TRACKS, SEED = 64, 256, 1960
+# Half of the tracks miss nothing; of the rest a component misses one plot in five, and some five in a row.
+_MISSED, _BURST = 0.2, 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plots:
+    """Simulated or real data of many tracks, all started by ``points`` commands ``initialise``.
+
+    z (steps, tracks, m), u (steps, tracks, p), valid (steps, tracks, m), relevant (steps, tracks).
+    """
+
+    z: Array
+    u: Array
+    valid: NDArray[np.bool_]
+    relevant: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ranges:
+    """The least and greatest value of each operation, in the graph's own units."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    def united(self, other: "Ranges") -> "Ranges":
+        """What covers both."""
+        return Ranges(low=tuple(map(min, self.low, other.low)), high=tuple(map(max, self.high, other.high)))
+
+
+def simulated(model: LinearModel, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED) -> Plots:
+    """Tracks drawn from the model: truth by F and Q, plots by H and R, with missed ones among them.
+
+    A track counts for as long as its plots stay within the model's declared ranges. Controls, whose law
+    the model does not know, are standard normal in the units of the model.
+    """
+    random = np.random.default_rng(seed)
+    x = _started(model, random, tracks)
+    noise, spread = _root(model.Q), _root(model.R)
+    z, u = np.zeros((steps, tracks, model.m)), np.zeros((steps, tracks, model.p))
+    for k in range(steps):
+        if k:
+            u[k] = random.standard_normal((tracks, model.p))
+            drift = random.standard_normal((tracks, model.n)) @ noise.T
+            x = x @ model.F.T + u[k] @ model.B.T + model.offset + drift
+        error = random.standard_normal((tracks, model.m)) @ spread.T
+        z[k] = x @ model.H.T + model.measurement_offset + error
+    relevant = np.ones((steps, tracks), bool)
+    if model.measurement_range is not None:
+        low, high = model.measurement_range.T
+        inside = np.all((z >= low) & (z <= high), axis=2)
+        relevant = np.logical_and.accumulate(inside, axis=0)
+    return Plots(z=z, u=u, valid=_valid(model, random, steps, tracks), relevant=relevant)
+
+
+def observed(graph: Graph, model: LinearModel, plots: Plots) -> Ranges:
+    """The range of every operation of the graph of ``model`` over plots.
+
+    What ``initialise`` computes counts only in the last of a track's starting commands, everything else
+    only afterwards: before that, the values are of no meaning.
+    """
+    steps, tracks = plots.relevant.shape
+    starting, running = _cones(graph)
+    low, high = np.full(len(graph.operations), np.inf), np.full(len(graph.operations), -np.inf)
+    state = {name: np.zeros(tracks) for name, _ in graph.states}
+    points = model.initial.points
+    for k in range(steps):
+        leaves = _leaves(state, plots, k, initialise=k < points)
+        with np.errstate(all="ignore"):
+            values = evaluate(graph, leaves)
+        if k >= points - 1:
+            _widen(low, high, values, plots.relevant[k], starting if k < points else running)
+        state = {name: np.broadcast_to(values[root], tracks) for name, root in graph.states}
+    known = np.isfinite(low) & np.isfinite(high)
+    return Ranges(low=tuple(np.where(known, low, 0.0)), high=tuple(np.where(known, high, 0.0)))
+
+
+def _leaves(state: dict[str, Array], plots: Plots, k: int, initialise: bool) -> dict[str, Any]:
+    leaves: dict[str, Any] = dict(state)
+    leaves |= {f"z[{j}]": np.where(plots.valid[k, :, j], z, 0.0) for j, z in enumerate(plots.z[k].T)}
+    leaves |= {f"valid[{j}]": plots.valid[k, :, j] for j in range(plots.z.shape[2])}
+    leaves |= {f"u[{i}]": column for i, column in enumerate(plots.u[k].T)}
+    return leaves | {"initialise": np.full(plots.z.shape[1], initialise)}
+
+
+def _widen(low: Array, high: Array, values: list[Any], relevant: NDArray[np.bool_], cone: set[int]) -> None:
+    if not relevant.any():
+        return
+    for index in cone:
+        value = np.broadcast_to(np.asarray(values[index]), relevant.shape)[relevant]
+        if value.dtype != bool:
+            low[index] = min(low[index], value.min())
+            high[index] = max(high[index], value.max())
+
+
+def _cones(graph: Graph) -> tuple[set[int], set[int]]:
+    """What a step needs under ``initialise``, and what it needs otherwise."""
+    return cone(graph, initialise=True), cone(graph, initialise=False)
+
+
+def cone(graph: Graph, *, initialise: bool) -> set[int]:
+    """The operations that states and outputs depend on when the command is known."""
+    known = _known_flags(graph, initialise)
+    seen: set[int] = set()
+    stack = list(graph.roots)
+    while stack:
+        index = stack.pop()
+        if index in seen:
+            continue
+        seen.add(index)
+        operation = graph.operations[index]
+        chosen = known.get(operation.flag) if isinstance(operation, Select) else None
+        if isinstance(operation, Select) and chosen is not None:
+            stack.append(operation.a if chosen else operation.b)
+        else:
+            stack.extend(operands(operation))
+    return seen
+
+
+def _known_flags(graph: Graph, initialise: bool) -> dict[int, bool]:
+    """The flags that the command alone decides."""
+    known: dict[int, bool] = {}
+    for index, operation in enumerate(graph.operations):
+        match operation:
+            case Flag("initialise"):
+                known[index] = initialise
+            case Not(a) if a in known:
+                known[index] = not known[a]
+            case And(a, b) if known.get(a) is False or known.get(b) is False:
+                known[index] = False
+            case Or(a, b) if known.get(a) is True or known.get(b) is True:
+                known[index] = True
+            case _:
+                pass
+    return known
+
+
+def _started(model: LinearModel, random: np.random.Generator, tracks: int) -> Array:
+    """True states at the first plot: drawn from the given belief, or anywhere in the declared ranges."""
+    initial = model.initial
+    x = initial.x + random.standard_normal((tracks, model.n)) @ _root(initial.P).T
+    if model.measurement_range is None:
+        return x
+    low, high = model.measurement_range.T
+    z = low + (high - low) * random.random((tracks, model.m))
+    inverse = np.linalg.pinv(model.H)
+    wrong = z - (x @ model.H.T + model.measurement_offset)
+    return x + wrong @ inverse.T if not initial.before_update else x
+
+
+def _valid(model: LinearModel, random: np.random.Generator, steps: int, tracks: int) -> NDArray[np.bool_]:
+    valid = np.ones((steps, tracks, model.m), bool)
+    half = tracks // 2
+    valid[:, half:] = random.random((steps, tracks - half, model.m)) >= _MISSED
+    begin = steps // 2
+    valid[begin : begin + _BURST, half + half // 2 :] = False
+    valid[: model.initial.points] = True
+    return valid
+
+
+def _root(covariance: Array) -> Array:
+    """A with A A' = covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

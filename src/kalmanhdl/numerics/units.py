@@ -1,0 +1,86 @@
+"""The units of the hardware: given by the design, or powers of two that fill the formats."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.trace import components, trace
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.ranges import Plots, Ranges, observed
+from kalmanhdl.numerics.scaling import Scaling
+from kalmanhdl.numerics.specification import FixedSpecification
+
+Array = NDArray[np.float64]
+
+
+def units(
+    model: LinearModel, update: Update, specification: FixedSpecification, plots: list[Plots]
+) -> Scaling:
+    """The scaling a design asks for.
+
+    "auto": one unit of a state is the power of two that brings its values over the plots just inside
+    the format of states; a measurement of one state shares its unit. The covariance of a component is
+    then divided by the variance of its first measurement, so that this measurement has R = 1.
+    """
+    graph = trace(model, update)
+    if isinstance(specification.scale, tuple):
+        state = np.array(specification.scale)
+    else:
+        ranges = [observed(graph, model, each) for each in plots]
+        widest = ranges[0]
+        for other in ranges[1:]:
+            widest = widest.united(other)
+        roots = dict(graph.states)
+        state = np.array([_unit(widest, roots[f"x[{i}]"], specification) for i in range(model.n)])
+    measurement = _measurement_units(model, state, plots)
+    control = np.array([_power(float(np.abs(plots[0].u[..., k]).max())) for k in range(model.p)])
+    return Scaling(
+        state=state,
+        measurement=measurement,
+        control=control,
+        covariance=_covariance_units(model, components(graph), measurement, specification),
+    )
+
+
+def _unit(ranges: Ranges, root: int, specification: FixedSpecification) -> float:
+    form = specification.form("state")
+    reach = float(form.real(form.highest)) if isinstance(form, Fixed) else 1.0
+    return _power(max(-ranges.low[root], ranges.high[root]) * 1.25) / _power(reach)
+
+
+def _power(value: float) -> float:
+    """The least power of two not below a value."""
+    mantissa, exponent = math.frexp(value)
+    return 2.0 ** (exponent - (mantissa == 0.5)) if value > 0 else 1.0
+
+
+def _measurement_units(model: LinearModel, state: Array, plots: list[Plots]) -> Array:
+    units = np.empty(model.m)
+    for j, row in enumerate(model.H):
+        seen = np.flatnonzero(row)
+        if len(seen) == 1:
+            units[j] = state[seen[0]] * _power(abs(row[seen[0]]))
+        else:
+            units[j] = _power(float(np.abs(plots[0].z[..., j]).max()))
+    return units
+
+
+def _covariance_units(
+    model: LinearModel,
+    parts: tuple[tuple[str, ...], ...],
+    measurement: Array,
+    specification: FixedSpecification,
+) -> Array:
+    asked = specification.covariance_scale
+    if asked != "auto":
+        return np.broadcast_to(np.array(asked, float), model.n).copy()
+    result = np.ones(model.n)
+    for part in parts:
+        states = [int(name[2:-1]) for name in part]
+        seen = [j for j in range(model.m) if np.any(model.H[j, states])]
+        if seen:
+            result[states] = model.R[seen[0], seen[0]] / measurement[seen[0]] ** 2
+    return result
