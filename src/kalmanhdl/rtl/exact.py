@@ -1,0 +1,34 @@
+"""The exact operations as Amaranth expressions: they grow, and lose nothing."""
+
+from dataclasses import dataclass
+
+from amaranth.hdl import Mux, Value
+
+from kalmanhdl.arithmetic.fixed import Fixed
+
+
+@dataclass(frozen=True)
+class Number:
+    """A raw integer in hardware with its format."""
+
+    raw: Value
+    form: Fixed
+
+    def at_fraction(self, fraction: int) -> Value:
+        """The raw integer with more fraction bits."""
+        return self.raw.shift_left(fraction - self.form.fraction)
+
+
+def add(a: Number, b: Number, fraction: int) -> Value:
+    """a + b with so many fraction bits."""
+    return a.at_fraction(fraction) + b.at_fraction(fraction)
+
+
+def subtract(a: Number, b: Number, fraction: int) -> Value:
+    """a - b with so many fraction bits."""
+    return a.at_fraction(fraction) - b.at_fraction(fraction)
+
+
+def select(flag: Value, a: Number, b: Number, fraction: int) -> Value:
+    """a where the flag holds, else b, with so many fraction bits."""
+    return Mux(flag, a.at_fraction(fraction), b.at_fraction(fraction))

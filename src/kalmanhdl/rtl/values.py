@@ -1,0 +1,153 @@
+"""The values of all operations of a plan, each built in its cycle from what it reads."""
+
+from collections.abc import Mapping
+from typing import assert_never
+
+from amaranth.hdl import Const, Module, Value
+
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded
+from kalmanhdl.graph.operations import (
+    Add,
+    And,
+    Constant,
+    Divide,
+    Flag,
+    Input,
+    Multiply,
+    Not,
+    Operation,
+    Or,
+    Outside,
+    Quantise,
+    Reciprocal,
+    Select,
+    Shift,
+    State,
+    StateFlag,
+    Subtract,
+)
+from kalmanhdl.rtl import exact
+from kalmanhdl.rtl.exact import Number
+from kalmanhdl.rtl.layouts import shape
+from kalmanhdl.rtl.names import operation_names
+from kalmanhdl.rtl.operators import product, quotient
+from kalmanhdl.rtl.quantiser import aligned, quantised
+from kalmanhdl.rtl.timeline import Always, Timeline
+from kalmanhdl.schedule.plan import Plan
+
+
+class Values:
+    """The hardware of a plan's operations.
+
+    ``inputs`` gives the inputs and flags of a step by name, as they stand in cycle 0; ``states`` each
+    state as it stands in the cycle in which its operation starts.
+    """
+
+    def __init__(
+        self, m: Module, plan: Plan, inputs: Mapping[str, Value], states: Mapping[str, Value]
+    ) -> None:
+        self._m = m
+        self._plan = plan
+        self._inputs = inputs
+        self._states = states
+        self._names = operation_names(plan.typed.graph)
+        self._roundings: dict[tuple[int, int, Rounding, int], Value] = {}
+        self._timelines: list[Timeline | Always] = []
+        for index, operation in enumerate(plan.typed.graph.operations):
+            self._timelines.append(self._timeline(index, operation))
+
+    def at(self, index: int, cycle: int) -> Value:
+        """The value of an operation as it stands in a cycle, its end or later."""
+        return self._timelines[index].at(cycle)
+
+    def _timeline(self, index: int, operation: Operation) -> Timeline | Always:
+        start, name = self._plan.start[index], self._names[index]
+        match operation:
+            case Constant(value):
+                form = self._form(index)
+                return Always(Const(int(value / form.resolution), shape(form)))
+            case Input(signal) | Flag(signal):
+                return Timeline(self._m, name, self._inputs[signal], 0)
+            case State(signal) | StateFlag(signal):
+                return Timeline(self._m, name, self._states[signal], start)
+            case Multiply():
+                return self._named(index, self._product(index, operation), self._plan.end(index))
+            case Divide() | Reciprocal():
+                return self._named(index, self._quotient(index, operation), self._plan.end(index))
+            case _:
+                # Registers of these operations, if any, follow the logic: the timeline makes them.
+                return self._named(index, self._logic(index, operation), start)
+
+    def _logic(
+        self, index: int, operation: Add | Subtract | Shift | Select | Quantise | Outside | And | Or | Not
+    ) -> Value:
+        start = self._plan.start[index]
+        match operation:
+            case Add(a, b):
+                return exact.add(self._number(a, start), self._number(b, start), self._fraction(index))
+            case Subtract(a, b):
+                return exact.subtract(self._number(a, start), self._number(b, start), self._fraction(index))
+            case Shift(a):
+                return self.at(a, start)
+            case Select(flag, a, b):
+                chosen = self.at(flag, start)
+                return exact.select(
+                    chosen, self._number(a, start), self._number(b, start), self._fraction(index)
+                )
+            case Quantise(a, form, rounding, overflow):
+                return self._quantised(index, a, form, rounding, overflow)[0]
+            case Outside(a, form, rounding):
+                return self._quantised(index, a, form, rounding, Overflow.WRAP)[1]
+            case And(a, b):
+                return self.at(a, start) & self.at(b, start)
+            case Or(a, b):
+                return self.at(a, start) | self.at(b, start)
+            case Not(a):
+                return ~self.at(a, start)
+            case _:
+                assert_never(operation)
+
+    def _quantised(
+        self, index: int, a: int, form: Fixed, rounding: Rounding, overflow: Overflow
+    ) -> tuple[Value, Value]:
+        """Quantise with the rounding shared by all operations that round the same operand alike."""
+        start, fraction = self._plan.start[index], self._fraction(a)
+        key = a, form.fraction, rounding, start
+        if key not in self._roundings:
+            value = aligned(self.at(a, start), fraction, form, rounding)
+            name = f"{self._names[index]}_rounded"
+            self._roundings[key] = Timeline.computed(self._m, name, value, value.shape(), start).at(start)
+        interval = self._plan.typed.intervals[a]
+        assert interval is not None
+        low, high = (
+            rounded(raw, fraction - form.fraction, rounding) for raw in (interval.low, interval.high)
+        )
+        return quantised(self._roundings[key], form.fraction, form, rounding, overflow, low, high)
+
+    def _product(self, index: int, operation: Multiply) -> Value:
+        start = self._plan.start[index]
+        a, b = self.at(operation.a, start), self.at(operation.b, start)
+        return product(self._m, self._names[index], self._plan, index, a, b)
+
+    def _quotient(self, index: int, operation: Divide | Reciprocal) -> Value:
+        start, name = self._plan.start[index], self._names[index]
+        match operation:
+            case Divide(a, b):
+                return quotient(self._m, name, self._plan, index, self.at(b, start), self.at(a, start))
+            case Reciprocal(a):
+                return quotient(self._m, name, self._plan, index, self.at(a, start), None)
+
+    def _named(self, index: int, value: Value, cycle: int) -> Timeline:
+        form = self._plan.typed.formats[index]
+        return Timeline.computed(self._m, self._names[index], value, shape(form), cycle)
+
+    def _number(self, index: int, cycle: int) -> Number:
+        return Number(self.at(index, cycle), self._form(index))
+
+    def _fraction(self, index: int) -> int:
+        return self._form(index).fraction
+
+    def _form(self, index: int) -> Fixed:
+        form = self._plan.typed.formats[index]
+        assert form is not None
+        return form
