@@ -81,7 +81,9 @@ def from_state_space(
         system = system.to_ss()
     A, B, C = (_attribute(system, name, "state-space system") for name in "ABC")
     if np.any(np.asarray(getattr(system, "D", 0.0))):
-        raise ModelError("the system feeds controls through to its outputs (D is not 0): take them off before")
+        raise ModelError(
+            "the system feeds controls through to its outputs (D is not 0): take them off before"
+        )
     B = np.asarray(B)
     return linear_model(
         A,

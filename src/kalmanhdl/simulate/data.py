@@ -1,0 +1,296 @@
+"""Tables of measurements: CSV or Parquet, one column per measurement, one row per track and step."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kalmanhdl.errors import DataError
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.validation import nearest, shown
+
+Array = NDArray[np.float64]
+
+MAX_BYTES = 1 << 30
+MAX_ROWS = 20_000_000
+MAX_CELLS = 100_000_000
+MAX_COLUMNS = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plots:
+    """The measurements of tracks, side by side.
+
+    z (steps, tracks, m) holds NaN where a measurement is missed, u (steps, tracks, p) the controls,
+    ``active`` (steps, tracks) is False past a track's last row. ``time`` (steps, tracks), in seconds, and
+    ``truth`` (steps, tracks, n), NaN where unknown, are None where the table has none.
+    """
+
+    tracks: tuple[str, ...]
+    z: Array
+    u: Array
+    active: NDArray[np.bool_]
+    time: Array | None
+    truth: Array | None
+
+
+def read_plots(path: str | Path, model: LinearModel) -> Plots:
+    """The plots of a CSV or Parquet file (by its suffix) for a model.
+
+    Columns: the measurements and controls by name; optional ``track``, ``time`` (s) and
+    ``truth_<state>``; others are left alone. An empty cell, or ``nan``, is a missed measurement. Rows
+    of a track stand in the order of time.
+
+    Raises:
+        DataError: a column is missing, a cell is no number or infinite, rows are ragged, or the file is
+            empty, unreadable or too large; the message names file, line, column and value.
+    """
+    source = Path(path)
+    name = shown(str(path))[1:-1]
+    table = _parquet(source, name) if source.suffix.lower() in (".parquet", ".pq") else _csv(source, name)
+    if table.rows == 0:
+        raise DataError(f"{name}: no rows of data below the header: give one row a step")
+    return _arranged(table, model)
+
+
+def plots_from_arrays(z: ArrayLike, model: LinearModel, u: ArrayLike | None = None) -> Plots:
+    """The plots of arrays: z (steps, m) for one track or (steps, tracks, m), NaN where missed; u alike.
+
+    Raises:
+        DataError: a shape that does not suit the model, an infinite number, a control that is missing.
+    """
+    measured = _cube("z", z, model.m)
+    controls = _cube("u", np.zeros((*measured.shape[:2], 0)) if u is None else u, model.p)
+    if controls.shape[:2] != measured.shape[:2]:
+        raise DataError(
+            f"u is for {controls.shape[:2]} steps and tracks, z for {measured.shape[:2]}: make them equal"
+        )
+    if np.isnan(controls).any():
+        raise DataError("u has a NaN: a control is known at every step")
+    steps, tracks = measured.shape[:2]
+    return Plots(
+        tracks=tuple(map(str, range(tracks))),
+        z=measured,
+        u=controls,
+        active=np.ones((steps, tracks), dtype=bool),
+        time=None,
+        truth=None,
+    )
+
+
+def _cube(name: str, value: ArrayLike, last: int) -> Array:
+    try:
+        result = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise DataError(f"{name} = {shown(value)} is no array of numbers") from None
+    if result.ndim == 2:
+        result = result[:, None, :]
+    if result.ndim != 3 or result.shape[2] != last or 0 in result.shape[:2]:
+        raise DataError(f"{name} has shape {np.shape(value)}: (steps, {last}) or (steps, tracks, {last})")
+    if np.isinf(result).any():
+        raise DataError(f"{name} has an infinite number: numbers are finite, NaN a missed measurement")
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """Columns of raw cells; ``line(row)`` is where a row stands in the file."""
+
+    name: str
+    columns: dict[str, Sequence[object]]
+    rows: int
+    line: Callable[[int], str]
+
+    def numbers(self, column: str) -> Array:
+        """A column as floats, NaN where its cells are empty."""
+        cells = self.columns[column]
+        result = np.empty(self.rows)
+        for row, cell in enumerate(cells):
+            value = _number(cell)
+            if value is None or math.isinf(value):
+                rule = "write a finite number, or leave the cell empty"
+                problem = "is no number" if value is None else "is not finite"
+                raise DataError(f"{self.place(row, column)}: {shown(cell)} {problem}: {rule}")
+            result[row] = value
+        return result
+
+    def place(self, row: int, column: str) -> str:
+        """Where a cell stands."""
+        return f"{self.name}, {self.line(row)}, column {column}"
+
+
+def _number(cell: object) -> float | None:
+    """The float in a cell, NaN for an empty one, None for anything else."""
+    if cell is None:
+        return math.nan
+    if isinstance(cell, str):
+        text = cell.strip()
+        if not text:
+            return math.nan
+        try:
+            return None if "_" in text else float(text)
+        except ValueError:
+            return None
+    if isinstance(cell, bool) or not isinstance(cell, int | float):
+        return None
+    try:
+        return float(cell)
+    except OverflowError:
+        return math.inf
+
+
+def _csv(path: Path, name: str) -> _Table:
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise DataError(f"{name}: {size} bytes: at most {MAX_BYTES}; split the file by tracks")
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DataError(f"{name}: cannot be read: {reason}") from None
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise DataError(f"{name}, line {line}: not UTF-8 text: save the table as CSV in UTF-8") from None
+    return _parsed_csv(text, name)
+
+
+def _parsed_csv(text: str, name: str) -> _Table:
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    try:
+        header = _header(next(reader, []), name)
+        for row in reader:
+            if not row and len(header) == 1:
+                row = [""]
+            if not row:
+                continue
+            if len(row) != len(header):
+                problem = f"{len(row)} cells below a header of {len(header)}"
+                raise DataError(f"{name}, line {reader.line_num}: {problem}: give every row {len(header)}")
+            rows.append(row)
+            lines.append(reader.line_num)
+            if len(rows) > MAX_ROWS or len(rows) * len(header) > MAX_CELLS:
+                raise DataError(f"{name}: more than {len(rows) - 1} rows: split the file by tracks")
+    except csv.Error as error:
+        raise DataError(f"{name}, line {reader.line_num}: not CSV: {error}") from None
+    columns: dict[str, Sequence[object]] = dict.fromkeys(header, ())
+    if rows:
+        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    return _Table(name, columns, len(rows), lambda row: f"line {lines[row]}")
+
+
+def _header(cells: list[str], name: str) -> list[str]:
+    header = [cell.strip() for cell in cells]
+    if not any(header):
+        raise DataError(f"{name}: empty: the first line names the columns")
+    if len(header) > MAX_COLUMNS:
+        raise DataError(f"{name}, line 1: {len(header)} columns: at most {MAX_COLUMNS}")
+    twice = (
+        {column for column in header if header.count(column) > 1} if len(set(header)) < len(header) else ()
+    )
+    if twice:
+        raise DataError(f"{name}, line 1: the column {shown(twice[0])} stands twice: rename or remove one")
+    return header
+
+
+def _parquet(path: Path, name: str) -> _Table:
+    try:
+        import pyarrow.parquet  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError:
+        raise DataError(f"{name}: Parquet needs pyarrow: install it, or save the table as CSV") from None
+    try:
+        table = pyarrow.parquet.read_table(path)
+        if table.num_rows > MAX_ROWS or table.num_rows * table.num_columns > MAX_CELLS:
+            raise DataError(f"{name}: {table.num_rows} rows: split the file by tracks")
+        columns = {str(column): table[column].to_pylist() for column in table.column_names}
+    except (OSError, ValueError, KeyError) as error:
+        raise DataError(f"{name}: no Parquet table: {shown(str(error))}") from None
+    _header(list(columns), name)
+    return _Table(name, columns, table.num_rows, lambda row: f"row {row + 1}")
+
+
+def _arranged(table: _Table, model: LinearModel) -> Plots:
+    truths = _truth_columns(table, model)
+    measured = [_required(table, name, "measurement") for name in model.measurement_names]
+    controls = [_required(table, name, "control") for name in model.control_names]
+    for name, column in zip(model.control_names, controls, strict=True):
+        missing = np.flatnonzero(np.isnan(column))
+        if len(missing):
+            raise DataError(f"{table.place(int(missing[0]), name)}: empty: a control is known at every step")
+    ids, track, step = _places(table)
+    shape = (int(step.max()) + 1, len(ids))
+    cells = shape[0] * shape[1] * (model.m + model.p + len(truths) + 2)
+    if cells > MAX_CELLS:
+        problem = f"{shape[1]} tracks of up to {shape[0]} steps are {cells} cells side by side"
+        raise DataError(
+            f"{table.name}: {problem}: at most {MAX_CELLS}; give tracks of alike length a file each"
+        )
+
+    def spread(columns: Sequence[Array]) -> Array:
+        result = np.full((*shape, len(columns)), np.nan)
+        for k, column in enumerate(columns):
+            result[step, track, k] = column
+        return result
+
+    active = np.zeros(shape, dtype=bool)
+    active[step, track] = True
+    return Plots(
+        tracks=ids,
+        z=spread(measured),
+        u=np.nan_to_num(spread(controls)),
+        active=active,
+        time=spread([table.numbers("time")])[:, :, 0] if "time" in table.columns else None,
+        truth=spread(truths) if truths else None,
+    )
+
+
+def _required(table: _Table, column: str, kind: str) -> Array:
+    if column not in table.columns:
+        present = list(islice(table.columns, 32))
+        if len(present) == 1 and any(mark in present[0] for mark in ";\t"):
+            raise DataError(f"{table.name}, line 1: the columns are not separated by commas: save it as CSV")
+        raise DataError(f"{table.name}: no column for the {kind} {column}: {nearest(column, present)}")
+    return table.numbers(column)
+
+
+def _truth_columns(table: _Table, model: LinearModel) -> list[Array]:
+    """One column per state, NaN where the table has none; no columns at all if it has no truth."""
+    wanted = [f"truth_{state}" for state in model.state_names]
+    for column in table.columns:
+        if column.startswith("truth_") and column not in wanted:
+            raise DataError(
+                f"{table.name}: {shown(column)} is the truth of no state: {nearest(column, wanted)}"
+            )
+    if not any(column in table.columns for column in wanted):
+        return []
+    unknown = np.full(table.rows, np.nan)
+    return [table.numbers(column) if column in table.columns else unknown for column in wanted]
+
+
+def _places(table: _Table) -> tuple[tuple[str, ...], NDArray[np.int64], NDArray[np.int64]]:
+    """The tracks in the order of their first rows, and each row's track and step."""
+    if "track" not in table.columns:
+        return ("0",), np.zeros(table.rows, dtype=np.int64), np.arange(table.rows)
+    indices: dict[str, int] = {}
+    track = np.empty(table.rows, dtype=np.int64)
+    step = np.empty(table.rows, dtype=np.int64)
+    lengths: list[int] = []
+    for row, cell in enumerate(table.columns["track"]):
+        label = "" if cell is None else str(cell).strip()
+        if not label:
+            raise DataError(f"{table.place(row, 'track')}: empty: every row belongs to a track")
+        index = indices.setdefault(label, len(indices))
+        if index == len(lengths):
+            lengths.append(0)
+        track[row], step[row] = index, lengths[index]
+        lengths[index] += 1
+    return tuple(indices), track, step
