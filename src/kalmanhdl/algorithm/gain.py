@@ -45,7 +45,8 @@ def optimal_gain(model: LinearModel, prior: Belief, valid: tuple[Condition, ...]
         S_inverse = named("update: Si", inverse(S))
         K = PHt @ S_inverse
         for j in (j for part in parts if len(part) > 1 for j in part):
-            K[:, j] = [select(valid[j], element, 0.0) for element in K[:, j]]
+            for i in range(model.n):
+                K[i, j] = select(valid[j], K[i, j], 0.0)
     for j, i in direct(model.H).items():
         if [j] in parts:
             K[i, j] = (1.0 - R[j, j] * S_inverse[j, j]) * (1.0 / model.H[j, i])

@@ -62,8 +62,9 @@ def innovation(model: LinearModel, prior: Belief, z: Array, valid: tuple[Conditi
     """y = z - H x - measurement_offset, lee1997 eq. 7, zero where a component is missed."""
     H = model.H.astype(object)
     y = z - H @ prior.x - model.measurement_offset.astype(object)
-    masked = [select(flag, element, 0.0) for flag, element in zip(valid, y, strict=True)]
-    return named("update: y", np.array(masked, object))
+    for j, flag in enumerate(valid):
+        y[j] = select(flag, y[j], 0.0)
+    return named("update: y", y)
 
 
 def step(model: LinearModel, update: Update, belief: Belief, given: Given) -> Outcome:

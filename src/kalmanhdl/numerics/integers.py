@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from kalmanhdl.algorithm.step import Update
 from kalmanhdl.algorithm.trace import trace
+from kalmanhdl.graph.balance import balanced
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.numerics.balance import balanced
 from kalmanhdl.numerics.quantise import quantise
 from kalmanhdl.numerics.ranges import Plots, observed, simulated
 from kalmanhdl.numerics.scaling import Scaling, scaled
@@ -34,14 +34,14 @@ def numbers(
     plots = [simulated(model)] + ([data] if data is not None else [])
     scaling = units(model, update, specification, plots)
     inner = scaled(model, scaling)
-    graph = trace(inner, update)
+    graph = balanced(trace(inner, update))
     ranges = None
     for each in plots:
         seen = observed(graph, inner, in_units(each, scaling))
         ranges = seen if ranges is None else ranges.united(seen)
     assert ranges is not None
     typed = quantise(graph, ranges, specification, scaling.units(model))
-    return Numbers(scaling=scaling, graph=graph, typed=balanced(typed))
+    return Numbers(scaling=scaling, graph=graph, typed=typed)
 
 
 def in_units(plots: Plots, scaling: Scaling) -> Plots:
