@@ -1,7 +1,7 @@
 """Registers between operators: what a plan holds over from cycle to cycle, and how to hold less.
 
 A value is held from the cycle in which it is there to the last cycle in which it is read; outputs are
-held to the last cycle of the step, since they leave together. States are stored in the context at once.
+held until the last of them is there, since they leave together. States are stored in the context at once.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,18 @@ def held_bits(typed: TypedGraph, starts: Sequence[int], ends: Sequence[int]) -> 
     return sum(width * max(0, read - end) for width, read, end in zip(widths(typed), last, ends, strict=True))
 
 
+def result_cycle(graph: Graph, ends: Sequence[int]) -> int:
+    """The cycle in which all outputs are there, and leave."""
+    return max((ends[root] for _, root in graph.outputs), default=0)
+
+
 def last_reads(graph: Graph, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
     """The last cycle in which each value is read; its own where nothing reads it."""
     last = list(ends)
     for index, operation in enumerate(graph.operations):
         for k in operands(operation):
             last[k] = max(last[k], starts[index])
-    leave = max((ends[root] for root in graph.roots), default=0)
+    leave = result_cycle(graph, ends)
     for _, root in graph.outputs:
         last[root] = leave
     return last
@@ -87,20 +92,21 @@ class _Sweep:
         """The schedule to begin with."""
         graph, bits = typed.graph, widths(typed)
         ends = [time >> CYCLE_BITS for time in times]
-        leave = max((ends[root] for root in graph.roots), default=0)
-        needed = list(ends)
-        for _, root in graph.outputs:
-            needed[root] = leave
-        return cls(
+        leave, stored = result_cycle(graph, ends), max((ends[root] for root in graph.roots), default=0)
+        sweep = cls(
             pace=pace,
             users=graph.users,
             widths=bits,
             wait=_waiting_costs(graph, bits),
-            needed=needed,
+            needed=list(ends),
             starts=list(starts),
             ends=ends,
-            latest=[(leave << CYCLE_BITS) + pace.budget - tail for tail in pace.step.tails],
+            latest=[(stored << CYCLE_BITS) + pace.budget - tail for tail in pace.step.tails],
         )
+        for _, root in graph.outputs:
+            sweep.needed[root] = leave
+            sweep.end_by(root, leave)
+        return sweep
 
     def end_by(self, index: int, cycle: int) -> None:
         """Bound the cycle in which an operation ends."""

@@ -43,8 +43,8 @@ def schedule(
         interval = -(-bound // channels)
     chosen = deep if bound <= interval * channels else _shallower(step, deep, interval * channels)
     distance = bound if chosen is deep else recurrence(chosen).bound
+    chosen = _tight(chosen, distance)
     starts, times = earliest(chosen, recurrence(chosen).reads(distance))
-    deep_times = earliest(deep, recurrence(deep).reads(bound))[1]
     return Plan(
         typed=typed,
         start=tuple(with_fewer_registers(typed, chosen, starts, times, distance)),
@@ -55,8 +55,8 @@ def schedule(
         distance=distance,
         context_overhead=step.context_overhead,
         recurrence_bound=bound,
-        period_ns=_longest_stage(chosen, times) / 1000,
-        pipelined_period_ns=_longest_stage(deep, deep_times) / 1000,
+        period_ns=chosen.period / 1000,
+        pipelined_period_ns=_tight(deep, bound).period / 1000,
     )
 
 
@@ -75,7 +75,7 @@ def _check(
 
 def _shallower(step: Step, deep: Pace, distance: int) -> Pace:
     """The step at the shortest period at which one can follow another after ``distance`` cycles."""
-    low, high = deep.budget + step.register, step.longest_period
+    low, high = deep.period, step.longest_period
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if _follows(pace(step, middle), distance) else (middle, high)
@@ -89,12 +89,13 @@ def _follows(candidate: Pace, distance: int) -> bool:
     return found.single_cycle if distance == 1 else found.bound <= distance
 
 
-def _longest_stage(at: Pace, times: list[int]) -> int:
-    """Picoseconds of the longest stage."""
+def _tight(at: Pace, distance: int) -> Pace:
+    """The same schedule at the period that its longest stage needs."""
+    _, times = earliest(at, recurrence(at).reads(distance))
     inner = (
         max(operator.stages(count))
         for operator, count in zip(at.step.operators, at.registers, strict=True)
         if count
     )
     last = ((time & OFFSET_MASK) + tail for time, tail in zip(times, at.step.tails, strict=True))
-    return at.step.register + max(chain(inner, last), default=0)
+    return pace(at.step, at.step.register + max(chain(inner, last), default=0))

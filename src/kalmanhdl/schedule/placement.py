@@ -59,6 +59,11 @@ class Pace:
     registers: tuple[int, ...]
     lasts: tuple[int, ...]
 
+    @property
+    def period(self) -> int:
+        """The clock period in picoseconds."""
+        return self.budget + self.step.register
+
 
 def step_of(graph: Graph, operators: tuple[Operator, ...], device: Device, channels: int) -> Step:
     """A step with its context in registers for one track, in a memory for several."""

@@ -86,7 +86,11 @@ def recurrence(pace: Pace) -> Recurrence:
     sources = {o.name: k for k, o in enumerate(graph.operations) if isinstance(o, State | StateFlag)}
     times = _times(pace, {sources[name]: s for s, name in enumerate(names) if name in sources}, len(names))
     least = 1 + pace.step.context_overhead
-    ends = np.array([times[root] for _, root in graph.states], dtype=np.int64).reshape(len(names), -1).T
+    ends = (
+        np.array([times[root] for _, root in graph.states], dtype=np.int64)
+        .reshape(len(names), len(names) + 1)
+        .T
+    )
     weights = np.where(ends < 0, _NO_PATH, (ends >> CYCLE_BITS) + least)
     return Recurrence(
         names=names,

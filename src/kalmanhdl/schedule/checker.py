@@ -1,0 +1,214 @@
+"""Whether a plan keeps what plans promise. Shares nothing with the scheduler but the operator library.
+
+The scheduler works with times of all sources at once and Karp's means; the checker follows one source
+after the other and looks for loops that gain (Floyd 1962), so that a slip in one is seen by the other.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import count
+
+import numpy as np
+import numpy.typing as npt
+
+from kalmanhdl.graph.operations import Constant, Flag, Input, State, StateFlag, operands
+from kalmanhdl.schedule.operators import Operator, operators, picoseconds
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.target.device import Device
+
+# A moment of a step: a cycle, and picoseconds after its clock edge.
+Moment = tuple[int, int]
+
+
+def problems(plan: Plan, device: Device) -> list[str]:
+    """Everything that is wrong with a plan, in words; nothing for a right one."""
+    shape = list(_shape(plan))
+    if shape:
+        return shape
+    library = operators(plan.typed, device, plan.on_multiplier_block)
+    return [
+        *_sources(plan),
+        *_order(plan),
+        *_states(plan),
+        *_throughput(plan),
+        *_stages(plan, library, device),
+        *_bounds(plan, library, device),
+    ]
+
+
+def _shape(plan: Plan) -> Iterator[str]:
+    operations = len(plan.typed.graph.operations)
+    for name, values in (("start", plan.start), ("registers", plan.registers)):
+        if len(values) != operations:
+            yield f"{name} has {len(values)} entries for {operations} operations"
+        for index, value in enumerate(values):
+            if value < 0:
+                yield f"{name} of {_name(plan, index)} is {value}: use 0 or more"
+
+
+def _name(plan: Plan, index: int) -> str:
+    if index >= len(plan.typed.graph.operations):
+        return f"%{index}"
+    operation = plan.typed.graph.operations[index]
+    return f"%{index} {type(operation).__name__} ({plan.typed.graph.origins[index]})"
+
+
+def _sources(plan: Plan) -> Iterator[str]:
+    for index, operation in enumerate(plan.typed.graph.operations):
+        if isinstance(operation, Input | Flag | Constant) and (plan.start[index] or plan.registers[index]):
+            yield f"{_name(plan, index)} comes with the step but ends in cycle {plan.end(index)}"
+
+
+def _order(plan: Plan) -> Iterator[str]:
+    graph = plan.typed.graph
+    for index, operation in enumerate(graph.operations):
+        for k in operands(operation):
+            if not isinstance(graph.operations[k], Constant) and plan.end(k) > plan.start[index]:
+                yield (
+                    f"{_name(plan, index)} starts in cycle {plan.start[index]}, before its operand "
+                    f"{_name(plan, k)} is there in cycle {plan.end(k)}"
+                )
+
+
+def _reads(plan: Plan) -> dict[str, int]:
+    operations = enumerate(plan.typed.graph.operations)
+    return {o.name: index for index, o in operations if isinstance(o, State | StateFlag)}
+
+
+def _states(plan: Plan) -> Iterator[str]:
+    reads = _reads(plan)
+    for name, root in plan.typed.graph.states:
+        if name not in reads:
+            continue
+        read, stored = plan.start[reads[name]], plan.end(root)
+        if read > stored:
+            yield f"state {name} is read in cycle {read}, after its next value is stored in cycle {stored}"
+        if read + plan.distance < stored + 1 + plan.context_overhead:
+            yield (
+                f"state {name} is stored in cycle {stored}, too late for a next step after "
+                f"{plan.distance} cycles that reads it in its cycle {read}"
+            )
+
+
+def _throughput(plan: Plan) -> Iterator[str]:
+    if plan.interval < 1 or plan.channels < 1:
+        yield f"interval {plan.interval} and channels {plan.channels}: both are 1 or more"
+    if plan.distance > plan.interval * plan.channels:
+        yield (
+            f"a track returns after {plan.interval} x {plan.channels} cycles, sooner than the distance "
+            f"of {plan.distance}"
+        )
+    if plan.context_overhead != (plan.channels > 1):
+        yield f"a context of {plan.channels} channels cannot have an overhead of {plan.context_overhead}"
+
+
+def _stages(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterator[str]:
+    """Chains of logic between registers, in the cycles that the plan gives them."""
+    read, write, register = _context_delays(plan, device)
+    roots = {root for _, root in plan.typed.graph.states}
+    limit = picoseconds(plan.period_ns) - register
+    values: list[Moment] = []
+    for index, operation in enumerate(plan.typed.graph.operations):
+        held = plan.registers[index]
+        if held > library[index].capacity:
+            yield f"{_name(plan, index)} holds {held} registers, but has room for {library[index].capacity}"
+            return
+        begin = plan.start[index]
+        chained = [values[k][1] for k in operands(operation) if values[k][0] == begin]
+        parts = list(library[index].stages(held))
+        if isinstance(operation, State | StateFlag):
+            parts[0] += read
+        parts[0] += max(chained, default=0)
+        values.append((begin + held, parts[-1]))
+        longest = max(*parts, parts[-1] + write * (index in roots))
+        if longest > limit:
+            yield (
+                f"{_name(plan, index)} ends a stage of {longest + register} ps, longer than the period of "
+                f"{plan.period_ns} ns"
+            )
+
+
+def _context_delays(plan: Plan, device: Device) -> tuple[int, int, int]:
+    read, write, register = (
+        picoseconds(device.delay_ns(kind, 1)) for kind in ("context_read", "context_write", "register")
+    )
+    return (read, write, register) if plan.channels > 1 else (0, 0, register)
+
+
+def _bounds(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterator[str]:
+    least = 1 + plan.context_overhead if plan.typed.graph.states else 1
+    deep = _edges(plan, library, device, plan.pipelined_period_ns)
+    if plan.recurrence_bound < least or _gains(deep, plan.recurrence_bound):
+        yield f"no schedule of {plan.pipelined_period_ns} ns reaches the bound of {plan.recurrence_bound}"
+    if plan.recurrence_bound > least and not _gains(deep, plan.recurrence_bound - 1):
+        yield f"the recurrence bound of {plan.recurrence_bound} is not the least"
+    here = _edges(plan, library, device, plan.period_ns)
+    if plan.distance < least or _gains(here, plan.distance):
+        yield f"no schedule of {plan.period_ns} ns reaches the distance of {plan.distance}"
+
+
+def _gains(edges: npt.NDArray[np.float64], distance: int) -> bool:
+    """Whether a loop of states takes longer than its steps are apart."""
+    paths = edges - distance
+    for middle in range(len(paths)):
+        paths = np.maximum(paths, paths[:, middle, None] + paths[middle])
+        if (np.diagonal(paths) > 0).any():
+            return True
+    return False
+
+
+def _edges(
+    plan: Plan, library: tuple[Operator, ...], device: Device, period_ns: float
+) -> npt.NDArray[np.float64]:
+    """Cycles from reading one state until the next value of another can be read, at any period."""
+    graph, reads = plan.typed.graph, _reads(plan)
+    edges = np.full((len(graph.states), len(graph.states)), -np.inf)
+    depths = _depths(plan, library, device, period_ns)
+    for row, (name, _) in enumerate(graph.states):
+        if name in reads:
+            ends = _walk(plan, library, device, period_ns, depths, reads[name])
+            for column, (_, root) in enumerate(graph.states):
+                if root in ends:
+                    edges[row, column] = ends[root] + 1 + plan.context_overhead
+    return edges
+
+
+def _depths(plan: Plan, library: tuple[Operator, ...], device: Device, period_ns: float) -> list[int]:
+    """The fewest registers with which every operator fits into the period."""
+    _, write, register = _context_delays(plan, device)
+    limit = picoseconds(period_ns) - register
+    roots = {root for _, root in plan.typed.graph.states}
+
+    def fits(index: int, held: int) -> bool:
+        parts = library[index].stages(held)
+        return max(*parts, parts[-1] + write * (index in roots)) <= limit
+
+    return [
+        next(k for k in count() if k >= operator.capacity or fits(index, k))
+        for index, operator in enumerate(library)
+    ]
+
+
+def _walk(
+    plan: Plan,
+    library: tuple[Operator, ...],
+    device: Device,
+    period_ns: float,
+    depths: list[int],
+    source: int,
+) -> Mapping[int, int]:
+    """The earliest end cycles of what depends on a state that is read in cycle 0."""
+    read, write, register = _context_delays(plan, device)
+    limit = picoseconds(period_ns) - register
+    roots = {root for _, root in plan.typed.graph.states}
+    found: dict[int, Moment] = {source: (0, read)}
+    for index in range(source + 1, len(library)):
+        before = [found[k] for k in operands(plan.typed.graph.operations[index]) if k in found]
+        if not before:
+            continue
+        cycle, offset = max(before)
+        parts = library[index].stages(depths[index])
+        first = parts[0] + (write if index in roots and len(parts) == 1 else 0)
+        if offset > 0 and (len(parts) > 1 or offset + first > limit):
+            cycle, offset = cycle + 1, 0
+        found[index] = (cycle, offset + parts[0]) if len(parts) == 1 else (cycle + depths[index], parts[-1])
+    return {index: cycle for index, (cycle, _) in found.items()}
