@@ -1,11 +1,11 @@
 """Long division in hardware: non-restoring rows of one or two quotient bits."""
 
-from amaranth.hdl import Cat, Const, Module, Mux, Value
+from amaranth.hdl import Cat, Const, Module, Mux, Shape, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.arithmetic.division import divide
-from kalmanhdl.arithmetic.division_structure import Operand, bits_of, long_structure, row_weights
+from kalmanhdl.arithmetic.division_structure import ONE, Operand, bits_of, long_structure, row_weights
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding, outside, saturated
 from kalmanhdl.rtl.shapes import fitted, shape_of, shifted_sum
 from kalmanhdl.rtl.stages import Stages, named
@@ -14,7 +14,7 @@ from kalmanhdl.rtl.stages import Stages, named
 class LongDivider(wiring.Component):
     """The exact quotient of two raw integers, rounded once and saturated: ``arithmetic.division.divide``.
 
-    Ports: ``dividend`` (none if it is a constant, as for a reciprocal), ``divisor``, ``quotient``, and
+    Ports: ``dividend`` (none for ``ONE``: a reciprocal), ``divisor``, ``quotient``, and
     ``outside``: the exact quotient does not fit. The result stands ``registers`` clocks after its
     operands. Operands outside their interval give any result.
     """
@@ -36,7 +36,7 @@ class LongDivider(wiring.Component):
             "quotient": Out(shape_of(form)),
             "outside": Out(1),
         }
-        if dividend.low != dividend.high:
+        if dividend != ONE:
             ports["dividend"] = In(shape_of(dividend.form))
         super().__init__(ports)
 
@@ -49,7 +49,7 @@ class LongDivider(wiring.Component):
         m = Module()
         structure = self.structure
         stages = Stages(m, row_weights(structure), self.registers)
-        state = self._started(m, stages)
+        state = self._started(m)
         remaining = structure.rows
         for step, bits in enumerate(structure.row_bits, start=1):
             state = stages.before(step, state)
@@ -61,15 +61,14 @@ class LongDivider(wiring.Component):
         m.d.comb += [self.quotient.eq(result["quotient"]), self.outside.eq(result["outside"])]
         return m
 
-    def _started(self, m: Module, stages: Stages) -> dict[str, Value]:
+    def _started(self, m: Module) -> dict[str, Value]:
         """What the first row reads: the dividend with its rounding, and the flags of the quotient."""
-        ports = {"divisor": fitted(self.divisor, self.structure.row_width - 1, False)}
-        if self.dividend_operand.low != self.dividend_operand.high:
-            operand = self.dividend_operand
-            ports["dividend"] = fitted(self.dividend, operand.width, operand.signed)
-        values = stages.before(0, ports)
-        divisor = values["divisor"]
-        dividend = values.get("dividend", Const(self.dividend_operand.low, self.dividend_operand.width))
+        operand = self.dividend_operand
+        divisor = fitted(self.divisor, self.structure.row_width - 1, False)
+        if operand.low == operand.high:
+            dividend: Value = Const(operand.low, Shape(operand.width, operand.signed))
+        else:
+            dividend = fitted(self.dividend, operand.width, operand.signed)
         total, dropped = self._biased(m, dividend, divisor)
         rest = named(m, "rest", total >> dropped)[: max(len(total) - dropped, 1)]
         rest = rest.as_signed() if self.structure.negative else rest

@@ -31,6 +31,9 @@ class Stages:
         self._places = register_places(weights, registers)
 
     def before(self, step: int, values: dict[str, Value]) -> dict[str, Value]:
-        """The values as a step reads them; the step after the last one is the end of the operator."""
+        """The values as a step reads them; the step after the last one is the end of the operator.
+
+        No register ever stands before the first step, 0.
+        """
         clocks = self._places[step]
         return {name: delayed(self._m, value, clocks, f"{name}_{step}") for name, value in values.items()}
