@@ -1,0 +1,112 @@
+"""A typed graph as text, and back: the text of the graph with formats, intervals and scales.
+
+%7 = multiply %3 %5 : fixed(24, fraction=12) [-32768, 32767]  # update: K[1,0]
+"""
+
+import re
+
+from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.errors import DesignError
+from kalmanhdl.graph.operations import is_flag
+from kalmanhdl.graph.text import (
+    GraphText,
+    misread,
+    parse_format,
+    parse_graph_text,
+    parse_name,
+    print_graph,
+    print_name,
+)
+from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
+
+
+def print_typed_graph(typed: TypedGraph) -> str:
+    """The text of a typed graph."""
+    notes = [
+        f"{form} [{interval.low}, {interval.high}]" if form and interval else ""
+        for form, interval in zip(typed.formats, typed.intervals, strict=True)
+    ]
+    lines = ["division", f"{_print_method(typed.division)} {typed.division_rounding.value}", "violations"]
+    lines += map(_print_violation, typed.violations)
+    lines += ["scales", *(f"{print_name(name)} = {scale!r}" for name, scale in typed.scales.items())]
+    return print_graph(typed.graph, notes) + "\n".join(lines) + "\n"
+
+
+def parse_typed_graph(text: str) -> TypedGraph:
+    """The typed graph that ``print_typed_graph`` wrote. Raises DesignError with a line not understood."""
+    found = parse_graph_text(text)
+    missing = {"division", "violations", "scales"} - found.sections.keys()
+    if missing:
+        raise DesignError(
+            f"the text has no section {min(missing)!r}: a typed graph has division, violations and scales"
+        )
+    formats, intervals = _parse_notes(found)
+    method, rounding = _parse_division(*found.sections["division"].lines[0])
+    return TypedGraph(
+        found.graph,
+        formats,
+        intervals,
+        method,
+        rounding,
+        tuple(_parse_violation(*line) for line in found.sections["violations"].lines),
+        dict(_parse_scale(*line) for line in found.sections["scales"].lines),
+    )
+
+
+def _parse_notes(found: GraphText) -> tuple[tuple[Fixed | None, ...], tuple[Interval | None, ...]]:
+    formats: list[Fixed | None] = []
+    intervals: list[Interval | None] = []
+    lines = found.sections["operations"].lines
+    for operation, note, (number, line) in zip(found.graph.operations, found.notes, lines, strict=True):
+        parts = re.fullmatch(r"(\w+\(\d+, fraction=-?\d+\)) \[(-?\d+), (-?\d+)\]", note)
+        if (parts is None) != is_flag(operation):
+            raise misread(
+                number, line, "' : fixed(16, fraction=8) [-5, 7]' behind a number, nothing behind a flag"
+            )
+        formats.append(parse_format(parts[1]) if parts else None)
+        intervals.append(Interval(low=int(parts[2]), high=int(parts[3])) if parts else None)
+    return tuple(formats), tuple(intervals)
+
+
+def _print_method(method: DivisionMethod) -> str:
+    if isinstance(method, LongDivision):
+        return f"long_division(radix={method.radix})"
+    return f"table_newton(index_bits={method.index_bits}, iterations={method.iterations})"
+
+
+def _parse_division(number: int, line: str) -> tuple[DivisionMethod, Rounding]:
+    long = re.fullmatch(r"long_division\(radix=(\d+)\) (\w+)", line)
+    table = re.fullmatch(r"table_newton\(index_bits=(\d+), iterations=(\d+)\) (\w+)", line)
+    found = long or table
+    if found is None or found.groups()[-1] not in {r.value for r in Rounding}:
+        raise misread(number, line, "'long_division(radix=2) half_up' or the like")
+    rounding = Rounding(found.groups()[-1])
+    if long:
+        return LongDivision(radix=int(found[1])), rounding
+    return TableNewton(index_bits=int(found[1]), iterations=int(found[2])), rounding
+
+
+def _print_violation(violation: Violation) -> str:
+    when = [word for word in ("starting", "running") if getattr(violation, word)]
+    return " ".join((f"%{violation.quantise} %{violation.outside}", *when))
+
+
+def _parse_violation(number: int, line: str) -> Violation:
+    found = re.fullmatch(r"%(\d+) %(\d+)( starting)?( running)?", line)
+    if found is None:
+        raise misread(number, line, "'%4 %5 starting running'")
+    return Violation(
+        quantise=int(found[1]), outside=int(found[2]), starting=bool(found[3]), running=bool(found[4])
+    )
+
+
+def _parse_scale(number: int, line: str) -> tuple[str, float]:
+    name, separator, scale = line.rpartition(" = ")
+    try:
+        value = float(scale)
+    except ValueError:
+        separator = ""
+    if not separator:
+        raise misread(number, line, "'x[0] = 0.5'")
+    return parse_name(name), value

@@ -1,0 +1,102 @@
+"""A plan as text, and back: cycle and registers before every operation of the typed graph.
+
+    interval = 1
+    ...
+    operations
+      3 1 * %7 = multiply %3 %5 : fixed(24, fraction=12) [-32768, 32767]  # update: K[1,0]
+
+The star marks an operation on multiplier blocks.
+"""
+
+import re
+from collections import Counter
+
+from kalmanhdl.errors import DesignError
+from kalmanhdl.graph.operations import Constant
+from kalmanhdl.graph.text import misread
+from kalmanhdl.numerics.text import parse_typed_graph, print_typed_graph
+from kalmanhdl.schedule.plan import Plan
+
+_WHOLE = ("interval", "channels", "distance", "context_overhead", "recurrence_bound")
+_REAL = ("period_ns", "pipelined_period_ns")
+
+
+def print_plan(plan: Plan) -> str:
+    """The text of a plan."""
+    header = [f"{key} = {getattr(plan, key)!r}" for key in (*_WHOLE, *_REAL)]
+    heading, *lines = print_typed_graph(plan.typed).split("\n")
+    count = len(plan.start)
+    placed = [
+        f"{plan.start[k]:5d} {plan.registers[k]:2d} {'*' if k in plan.on_multiplier_block else ' '} {line}"
+        for k, line in enumerate(lines[:count])
+    ]
+    return "\n".join((*header, heading, *placed, *lines[count:]))
+
+
+def parse_plan(text: str) -> Plan:
+    """The plan that ``print_plan`` wrote. Raises DesignError with the line that is not understood."""
+    head, heading, tail = text.partition("\noperations\n")
+    if not heading:
+        raise DesignError("the text has no section 'operations': a plan lists them under that heading")
+    numbers = _parse_header(head)
+    starts: list[int] = []
+    registers: list[int] = []
+    blocks: list[int] = []
+    bare: list[str] = []
+    lines = tail.split("\n")
+    # Empty lines keep the numbers of lines in error messages right.
+    before = "\n" * (head.count("\n") + 1)
+    count = lines.index("states") if "states" in lines else len(lines)
+    for number, line in enumerate(lines[:count], start=head.count("\n") + 3):
+        found = re.fullmatch(r" *(\d+) +(\d+) ([* ]) (%.*)", line)
+        if found is None:
+            raise misread(number, line, "cycle, registers and the operation, '3 1   %7 = add %3 %5'")
+        if found[3] == "*":
+            blocks.append(len(starts))
+        starts.append(int(found[1]))
+        registers.append(int(found[2]))
+        bare.append(found[4])
+    return Plan(
+        typed=parse_typed_graph("\n".join((f"{before}operations", *bare, *lines[count:]))),
+        start=tuple(starts),
+        registers=tuple(registers),
+        on_multiplier_block=frozenset(blocks),
+        interval=int(numbers["interval"]),
+        channels=int(numbers["channels"]),
+        distance=int(numbers["distance"]),
+        context_overhead=int(numbers["context_overhead"]),
+        recurrence_bound=int(numbers["recurrence_bound"]),
+        period_ns=numbers["period_ns"],
+        pipelined_period_ns=numbers["pipelined_period_ns"],
+    )
+
+
+def _parse_header(text: str) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for number, (line, key) in enumerate(zip(text.split("\n"), (*_WHOLE, *_REAL), strict=False), start=1):
+        value = re.fullmatch(rf"{key} = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)", line)
+        if value is None:
+            raise misread(number, line, f"'{key} = ' and a number")
+        found[key] = float(value[1])
+    missing = [key for key in (*_WHOLE, *_REAL) if key not in found]
+    if missing:
+        raise DesignError(f"the text of the plan has no {missing[0]!r}: write '{missing[0]} = ' and a number")
+    return found
+
+
+def table(plan: Plan) -> str:
+    """A short table for a person: the figures of a plan, and what starts in every cycle."""
+    lines = [
+        f"interval {plan.interval}, channels {plan.channels}, recurrence bound {plan.recurrence_bound}, "
+        f"distance {plan.distance}, latency {plan.latency} cycles of {plan.period_ns:.2f} ns",
+        "cycle  operations that start",
+    ]
+    cycles: dict[int, Counter[str]] = {}
+    for index, operation in enumerate(plan.typed.graph.operations):
+        if not isinstance(operation, Constant):
+            kinds = cycles.setdefault(plan.start[index], Counter())
+            kinds[type(operation).__name__.lower()] += 1
+    for cycle, kinds in sorted(cycles.items()):
+        started = ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items()))
+        lines.append(f"{cycle:5d}  {started}")
+    return "\n".join(lines) + "\n"
