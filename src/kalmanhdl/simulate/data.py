@@ -194,11 +194,9 @@ def _header(cells: list[str], name: str) -> list[str]:
         raise DataError(f"{name}: empty: the first line names the columns")
     if len(header) > MAX_COLUMNS:
         raise DataError(f"{name}, line 1: {len(header)} columns: at most {MAX_COLUMNS}")
-    twice = (
-        {column for column in header if header.count(column) > 1} if len(set(header)) < len(header) else ()
-    )
-    if twice:
-        raise DataError(f"{name}, line 1: the column {shown(twice[0])} stands twice: rename or remove one")
+    if len(set(header)) < len(header):
+        twice = next(column for column in header if header.count(column) > 1)
+        raise DataError(f"{name}, line 1: the column {shown(twice)} stands twice: rename or remove one")
     return header
 
 
