@@ -1,0 +1,104 @@
+"""The arrays of a run: checked, in the layout that the C takes, and back as the caller sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.errors import DataError, FormatError
+from kalmanhdl.simulate.generate_c import Port, Program
+from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
+
+Named = Mapping[str, Integers]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrays:
+    """The arrays of one run as the C takes them, in the order of the program's ports."""
+
+    steps: int
+    tracks: int
+    inputs: list[Integers]
+    flags: list[Integers]
+    active: NDArray[np.uint8] | None
+    state: list[Integers]
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    outputs: list[Integers]
+    records: list[Integers]
+
+
+def allocated(program: Program, arrays: Arrays, record_states: bool) -> Results:
+    shape = (arrays.steps, arrays.tracks)
+    outputs = [empty(port, shape) for port in program.outputs]
+    return Results(outputs, [empty(port, shape) for port in program.states] if record_states else [])
+
+
+def empty(port: Port, shape: tuple[int, ...]) -> Integers:
+    if not port.limbs:
+        return np.empty(shape, np.uint8)
+    return np.empty(shape, np.int64) if port.limbs == 1 else np.empty((*shape, port.limbs), np.uint64)
+
+
+def whole(port: Port, array: Integers) -> Integers:
+    """An array of the C as the caller sees it."""
+    if not port.limbs:
+        return array.view(np.bool_)
+    return array if port.limbs == 1 else from_limbs(array)
+
+
+def checked(
+    program: Program, inputs: Named, flags: Named, active: NDArray[np.bool_] | None, initial: Named
+) -> Arrays:
+    named = {**inputs, **flags}
+    for port in (*program.inputs, *program.flags):
+        if port.name not in named:
+            raise DataError(
+                f"{port.name}: the step needs it, but only {', '.join(named) or 'nothing'} is given"
+            )
+    shapes = {name: np.shape(array) for name, array in named.items()}
+    if active is not None:
+        shapes["active"] = np.shape(active)
+    shape = next(iter(shapes.values()), (0, 0))
+    for name, other in shapes.items():
+        if len(other) != 2 or other != shape:
+            raise DataError(f"{name}: shape {other}, but all arrays are (steps, tracks), here {shape}")
+    mask = None if active is None else np.ascontiguousarray(active, np.bool_).view(np.uint8)
+    state = [_start(port, initial, shape[1]) for port in program.states]
+    return Arrays(
+        shape[0],
+        shape[1],
+        [_raw(port, np.asarray(inputs[port.name]), mask) for port in program.inputs],
+        [np.ascontiguousarray(flags[port.name], np.bool_).view(np.uint8) for port in program.flags],
+        mask,
+        state,
+    )
+
+
+def _start(port: Port, initial: Named, tracks: int) -> Integers:
+    given = np.asarray(initial.get(port.name, np.zeros(tracks, np.int64)))
+    if given.shape != (tracks,):
+        raise DataError(f"{port.name}: initial state of shape {given.shape}, but there are {tracks} tracks")
+    if not port.limbs:
+        return given.astype(np.bool_).view(np.uint8)
+    return _raw(port, given, None).copy()
+
+
+def _raw(port: Port, array: Integers, active: NDArray[np.uint8] | None) -> Integers:
+    """An array of raw integers as limbs, after a look at every one of them."""
+    if array.dtype.kind not in "iuO":
+        raise DataError(f"{port.name}: raw integers are needed, but the array holds {array.dtype}")
+    if active is not None:
+        array = np.where(active, array, 0)
+    if array.size and (array.min() < port.low or array.max() > port.high):
+        place = tuple(int(i) for i in np.argwhere((array < port.low) | (array > port.high))[0])
+        where = f"step {place[0]}, track {place[1]}" if len(place) == 2 else f"track {place[0]}"
+        raise FormatError(
+            f"{port.name}, {where}: raw {array[place]} is outside of its format, {port.low} to {port.high}"
+        )
+    if port.limbs > 1:
+        return to_limbs(array, port.limbs)
+    return np.ascontiguousarray(array, np.int64)

@@ -1,0 +1,94 @@
+"""The C compiler of the machine: find it, compile a shared library once, keep it.
+
+Libraries are kept in a folder under names that are digests of source, flags, compiler and processor;
+environment variable ``KALMANHDL_CACHE`` chooses another folder.
+"""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import platformdirs
+
+from kalmanhdl.errors import ToolError
+
+# Exact whatever the flags: no contraction into fused multiply-add, and signed integers wrap.
+_EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
+_FAST = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+
+
+def find_compiler() -> tuple[str, ...] | None:
+    """The command of a C compiler: ``CC``, cc, gcc or clang of the path, ziglang; None without any."""
+    if chosen := os.environ.get("CC"):
+        words = chosen.split()
+        return tuple(words) if shutil.which(words[0]) else None
+    for name in ("cc", "gcc", "clang"):
+        if path := shutil.which(name):
+            return (path,)
+    return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") else None
+
+
+def shared_library(source: str, command: Sequence[str]) -> Path:
+    """The path of the shared library of a C source, compiled if it is not kept yet.
+
+    Raises ToolError, with the compiler's own words, if it does not compile.
+    """
+    folder = cache_folder()
+    identity = "\0".join([source, *command, *_EXACT, *_FAST, _identity(tuple(command))])
+    path = folder / f"{hashlib.sha256(identity.encode()).hexdigest()[:32]}.so"
+    if not path.exists():
+        _compile(source, command, path)
+    return path
+
+
+def cache_folder() -> Path:
+    """The folder of kept libraries, made if it is not there."""
+    chosen = os.environ.get("KALMANHDL_CACHE")
+    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("kalmanhdl"))
+    try:
+        (folder / "engine").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ToolError(f"cache folder {folder}: {error.strerror}: set KALMANHDL_CACHE to another") from error
+    return folder / "engine"
+
+
+@lru_cache
+def _identity(command: tuple[str, ...]) -> str:
+    """What a compiler says of its version and of the processor that it compiles for."""
+    try:
+        done = subprocess.run(
+            [*command, "-march=native", "-E", "-v", "-x", "c", os.devnull],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError as error:
+        raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
+    return done.stderr
+
+
+def _compile(source: str, command: Sequence[str], path: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        code, made = Path(folder) / "engine.c", Path(folder) / "engine.so"
+        code.write_text(source, encoding="utf-8")
+        try:
+            done = subprocess.run(
+                [*command, *_EXACT, *_FAST, "-o", str(made), str(code)],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        except OSError as error:
+            raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
+        if done.returncode:
+            lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+            line = next((line for line in lines if "error" in line), lines[-1])
+            raise ToolError(f"C compiler {command[0]}: {line}")
+        os.replace(made, path)

@@ -1,0 +1,27 @@
+/* What every generated program uses beside wide integers. */
+
+#ifndef KALMANHDL_ENGINE_H
+#define KALMANHDL_ENGINE_H
+
+#include <stdint.h>
+#include <stdlib.h>
+
+static inline double clamp(double value, double low, double high)
+{
+    value = value < low ? low : value;
+    return value > high ? high : value;
+}
+
+/* Floors, for divisors above zero. */
+static inline int64_t floor_divide_64(int64_t a, int64_t b) { return a / b - (a % b < 0); }
+static inline __int128 floor_divide_128(__int128 a, __int128 b) { return a / b - (a % b < 0); }
+
+/* The number of bits of a value above zero. */
+static inline int64_t bit_length_32(int32_t a) { return 32 - __builtin_clz((uint32_t)a); }
+static inline int64_t bit_length_64(int64_t a) { return 64 - __builtin_clzll((uint64_t)a); }
+static inline int64_t bit_length_128(__int128 a)
+{
+    return a >> 64 ? 64 + bit_length_64((int64_t)(a >> 64)) : bit_length_64((int64_t)a);
+}
+
+#endif

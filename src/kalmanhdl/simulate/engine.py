@@ -1,0 +1,149 @@
+"""The bit-exact engine: every raw integer of a filter, step by step, for many tracks at once.
+
+A typed graph is compiled to C (see ``generate_c``); without a C compiler the interpreter gives the
+same integers, slowly, and ``Engine.compiled`` is False.
+"""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.errors import ToolError
+from kalmanhdl.numerics.typed import Interval, TypedGraph
+from kalmanhdl.simulate.arrays import Arrays, Named, Results, allocated, checked, empty, whole
+from kalmanhdl.simulate.compiler import find_compiler, shared_library
+from kalmanhdl.simulate.fallback import run_interpreted
+from kalmanhdl.simulate.generate_c import Program, generate
+from kalmanhdl.simulate.limbs import Integers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """The raw integers of a run. Numbers are int64, or Python integers beyond 64 bits; flags are bool.
+
+    ``outputs[name]`` and ``states[name]`` have shape (steps, tracks), the states as they are after each
+    step (empty if not recorded); ``final_state[name]`` has shape (tracks,). ``saturations[k]`` counts how
+    often the rounded value of operation k did not fit its format, for every operation of which that is
+    possible. ``extremes[k]`` is what operation k really took, of a monitored run: inputs, states,
+    outputs, quantised values and quotients. Steps that are not active count nowhere.
+    """
+
+    outputs: dict[str, Integers]
+    states: dict[str, Integers]
+    final_state: dict[str, Integers]
+    saturations: dict[int, int]
+    extremes: dict[int, Interval]
+
+    @property
+    def largest(self) -> dict[int, int]:
+        """The largest magnitude that each monitored operation took."""
+        return {index: max(-e.low, e.high) for index, e in self.extremes.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """Runs one typed graph. ``compiled`` tells whether as C or in the interpreter."""
+
+    typed: TypedGraph
+    program: Program
+    library: Path | None = field(repr=False)
+
+    @staticmethod
+    def of(typed: TypedGraph) -> "Engine":
+        """The engine of a graph, compiled unless that was done before. Raises ToolError."""
+        return engines([typed])[0]
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the engine is compiled C; else a C compiler is missing and it is slow."""
+        return self.library is not None
+
+    def run(
+        self,
+        inputs: Named,
+        flags: Named,
+        *,
+        active: NDArray[np.bool_] | None = None,
+        initial_state: Named | None = None,
+        monitor: bool = False,
+        record_states: bool = True,
+    ) -> Trace:
+        """Run all steps of all tracks.
+
+        ``inputs[name]`` are raw integers and ``flags[name]`` booleans, of shape (steps, tracks). Where
+        ``active`` is False a track has no step: its state is kept, its outputs mean nothing. States
+        start at zero or from ``initial_state[name]``, of shape (tracks,). ``monitor`` keeps extremes.
+
+        Raises FormatError for a number outside its format, DataError for arrays that do not match.
+        """
+        arrays = checked(self.program, inputs, flags, active, initial_state or {})
+        results = allocated(self.program, arrays, record_states)
+        if self.library is None:
+            counts, extremes = run_interpreted(self.typed, self.program, arrays, results)
+        else:
+            counts, extremes = _run_compiled(self.program, self.library, arrays, results, monitor)
+        program = self.program
+        return Trace(
+            outputs={p.name: whole(p, a) for p, a in zip(program.outputs, results.outputs, strict=True)},
+            states={p.name: whole(p, a) for p, a in zip(program.states, results.records, strict=False)},
+            final_state={p.name: whole(p, a) for p, a in zip(program.states, arrays.state, strict=True)},
+            saturations=dict(zip(program.counted, counts, strict=True)),
+            extremes=extremes if monitor else {},
+        )
+
+
+def engines(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[Engine, ...]:
+    """The engines of many graphs, compiled together, which is quicker than one by one.
+
+    ``minimum_bits`` forces wider integers than needed; results do not change. Raises ToolError.
+    """
+    source, programs = generate(graphs, minimum_bits)
+    command = find_compiler()
+    library = shared_library(source, command) if command else None
+    return tuple(Engine(g, program, library) for g, program in zip(graphs, programs, strict=True))
+
+
+@lru_cache(maxsize=64)
+def _loaded(library: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError as error:
+        raise ToolError(f"compiled engine {library}: {error}: delete the file to compile it anew") from error
+
+
+def _pointers(arrays: Sequence[Integers]) -> ctypes.Array[ctypes.c_void_p]:
+    return (ctypes.c_void_p * max(len(arrays), 1))(*(array.ctypes.data for array in arrays))
+
+
+def _run_compiled(
+    program: Program, library: Path, arrays: Arrays, results: Results, monitor: bool
+) -> tuple[list[int], dict[int, Interval]]:
+    counts = np.zeros(len(program.counted), np.int64)
+    bounds = [empty(port, (1,)) for port in program.watched for _ in range(2)]
+    function: Callable[..., int] = getattr(_loaded(library), f"{program.name}_run")
+    seen = function(
+        ctypes.c_int64(arrays.steps),
+        ctypes.c_int64(arrays.tracks),
+        _pointers(arrays.inputs),
+        _pointers(arrays.flags),
+        None if arrays.active is None else ctypes.c_void_p(arrays.active.ctypes.data),
+        _pointers(arrays.state),
+        _pointers(results.outputs),
+        _pointers(results.records) if results.records else None,
+        ctypes.c_void_p(counts.ctypes.data),
+        _pointers(bounds),
+        ctypes.c_int32(monitor),
+    )
+    if seen < 0:
+        raise MemoryError
+    extremes = {}
+    if seen:
+        for k, port in enumerate(program.watched):
+            low, high = (int(whole(port, a)[0]) for a in bounds[2 * k : 2 * k + 2])
+            extremes[port.index] = Interval(low=low, high=high)
+    return [int(n) for n in counts], extremes

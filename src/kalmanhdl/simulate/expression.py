@@ -1,0 +1,277 @@
+"""Integers of the generated C, with overloaded operators and exact bounds.
+
+Every operation on a ``Value`` writes one C statement and returns a new value that knows the least and
+the greatest integer it can be. The C type follows from these bounds, so that nothing can overflow, for
+any word length. ``arithmetic.fixed`` called on such values writes its own definition as C.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Kind(IntEnum):
+    """A C integer type; the number is its bits (without meaning for WIDE)."""
+
+    INT32 = 32
+    INT64 = 64
+    INT128 = 128
+    WIDE = 1 << 30
+
+    @property
+    def c_type(self) -> str:
+        """How C spells the type."""
+        return _C_TYPES[self]
+
+
+_C_TYPES = {
+    Kind.INT32: "int32_t",
+    Kind.INT64: "int64_t",
+    Kind.INT128: "__int128",
+    Kind.WIDE: "wide",
+}
+
+
+def signed_bits(low: int, high: int) -> int:
+    """The bits, with the sign, of a two's complement number that holds both integers."""
+    return 1 + max((~low if low < 0 else low).bit_length(), (~high if high < 0 else high).bit_length())
+
+
+@dataclass(slots=True)
+class Writer:
+    """Collects the C statements of one step.
+
+    ``minimum_bits`` forces wider types than the bounds ask for, which must not change any result.
+    ``widest`` is the number of bits that the widest value needed.
+    """
+
+    minimum_bits: int = 0
+    widest: int = 0
+    lines: list[str] = field(default_factory=list)
+    kinds: set[Kind] = field(default_factory=set)
+    _names: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def kind(self, low: int, high: int) -> Kind:
+        """The narrowest type that holds both integers, at least ``minimum_bits`` wide."""
+        bits = max(signed_bits(low, high), self.minimum_bits)
+        self.widest = max(self.widest, bits)
+        kind = next(kind for kind in Kind if bits <= kind)
+        self.kinds.add(kind)
+        return kind
+
+    def bind(self, c_type: str, expression: str) -> str:
+        """The name of a variable that holds an expression; equal expressions share one."""
+        key = (c_type, expression)
+        if key not in self._names:
+            self._names[key] = name = f"v{len(self._names)}"
+            self.lines.append(f"const {c_type} {name} = {expression};")
+        return self._names[key]
+
+    def value(self, expression: str, kind: Kind, low: int, high: int) -> "Value":
+        """A value of an expression whose C type is ``kind`` and whose integers lie in low..high."""
+        if low == high:
+            return Value(self, None, low, high)
+        to = self.kind(low, high)
+        return Value(self, self.bind(to.c_type, cast(expression, kind, to)), low, high)
+
+    def literal(self, number: int) -> "Value":
+        """A value known when the C is written."""
+        return Value(self, None, number, number)
+
+    def flag(self, expression: str) -> "Flag":
+        """A flag of an expression that is 0 or 1."""
+        return Flag(self, self.bind("int32_t", expression), None)
+
+
+def cast(text: str, kind: Kind, to: Kind) -> str:
+    """An expression of one type as another; the number must fit both."""
+    if kind is to:
+        return text
+    if kind is Kind.WIDE:
+        return f"({to.c_type})wide_low({text})"
+    return f"wide_of({text})" if to is Kind.WIDE else f"({to.c_type})({text})"
+
+
+def literal_text(number: int, kind: Kind) -> str:
+    """A constant as C."""
+    if kind is Kind.INT32 or (kind is Kind.INT64 and abs(number) < 1 << 62):
+        return f"({kind.c_type}){number}{'' if kind is Kind.INT32 and abs(number) < 1 << 31 else 'LL'}"
+    if kind is Kind.INT64:
+        return f"(int64_t){number & (1 << 64) - 1:#x}ULL"
+    if kind is Kind.INT128:
+        halves = (f"{number >> shift & (1 << 64) - 1:#x}ULL" for shift in (64, 0))
+        return "(__int128)((unsigned __int128){} << 64 | {})".format(*halves)
+    if -(1 << 127) <= number < 1 << 127:
+        return f"wide_of({literal_text(number, Kind.INT128)})"
+    limbs = [number >> shift & (1 << 64) - 1 for shift in range(0, signed_bits(number, number), 64)]
+    if number < 0:  # Limbs left out of an initialiser would be zero, not the sign.
+        return f"wide_negate({literal_text(-number, Kind.WIDE)})"
+    return "(wide){{" + ", ".join(f"{limb:#x}ULL" for limb in limbs) + "}}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Value:
+    """A C integer between ``low`` and ``high``; without ``text`` it is the constant ``low``."""
+
+    writer: Writer
+    text: str | None
+    low: int
+    high: int
+
+    @property
+    def kind(self) -> Kind:
+        """Its C type."""
+        return self.writer.kind(self.low, self.high)
+
+    def at(self, kind: Kind) -> str:
+        """The value as a C expression of a type."""
+        return literal_text(self.low, kind) if self.text is None else cast(self.text, self.kind, kind)
+
+    def known(self, low: int, high: int) -> "Value":
+        """The same value, of which more is known than its operands tell."""
+        low, high = max(low, self.low), min(high, self.high)
+        return self.writer.value(self.at(self.kind), self.kind, low, high)
+
+    def lift(self, other: "Value | int") -> "Value":
+        """The other operand as a value."""
+        return self.writer.literal(other) if isinstance(other, int) else other
+
+    def _binary(self, symbol: str, other: "Value", low: int, high: int) -> "Value":
+        kind = max(self.kind, other.kind, self.writer.kind(low, high))
+        a, b = self.at(kind), other.at(kind)
+        text = f"{_WIDE[symbol]}({a}, {b})" if kind is Kind.WIDE else f"{a} {symbol} {b}"
+        return self.writer.value(text, kind, low, high)
+
+    def __add__(self, other: "Value | int") -> "Value":
+        other = self.lift(other)
+        if other.low == other.high == 0:
+            return self
+        return self._binary("+", other, self.low + other.low, self.high + other.high)
+
+    def __sub__(self, other: "Value | int") -> "Value":
+        other = self.lift(other)
+        return self._binary("-", other, self.low - other.high, self.high - other.low)
+
+    def __rsub__(self, other: int) -> "Value":
+        return self.lift(other) - self
+
+    def __mul__(self, other: "Value | int") -> "Value":
+        other = self.lift(other)
+        corners = [a * b for a in (self.low, self.high) for b in (other.low, other.high)]
+        return self._binary("*", other, min(corners), max(corners))
+
+    def __lshift__(self, count: int) -> "Value":
+        low, high = self.low << count, self.high << count
+        kind = self.writer.kind(low, high)
+        if count == 0 or low == high:
+            return self.writer.value(self.at(kind), kind, low, high)
+        text = self.at(kind)
+        if kind is Kind.WIDE:
+            return self.writer.value(f"wide_left({text}, {count})", kind, low, high)
+        unsigned = _UNSIGNED[kind]
+        return self.writer.value(f"({kind.c_type})(({unsigned}){text} << {count})", kind, low, high)
+
+    def __rshift__(self, count: int) -> "Value":
+        kind, text = self.kind, self.at(self.kind)
+        text = f"wide_right({text}, {count})" if kind is Kind.WIDE else f"{text} >> {min(count, kind - 1)}"
+        return self.writer.value(text, kind, self.low >> count, self.high >> count)
+
+    def __and__(self, mask: int) -> "Value":
+        if self.low >= 0 and self.high <= mask and mask & (mask + 1) == 0:
+            return self
+        return self._binary("&", self.lift(mask), 0, mask if self.low < 0 else min(mask, self.high))
+
+    def __xor__(self, mask: int) -> "Value":
+        assert self.low >= 0
+        return self._binary(
+            "^", self.lift(mask), 0, (1 << max(self.high.bit_length(), mask.bit_length())) - 1
+        )
+
+    def __lt__(self, other: "Value | int") -> "Flag":
+        other = self.lift(other)
+        if self.high < other.low or self.low >= other.high:
+            return Flag(self.writer, "", self.high < other.low)
+        return self._compare("<", other)
+
+    def __eq__(self, other: "Value | int") -> "Flag":  # type: ignore[override]
+        other = self.lift(other)
+        if self.high < other.low or self.low > other.high:
+            return Flag(self.writer, "", False)
+        if self.low == self.high == other.low == other.high:
+            return Flag(self.writer, "", True)
+        return self._compare("==", other)
+
+    def __ne__(self, other: "Value | int") -> "Flag":  # type: ignore[override]
+        return (self == other).negated()
+
+    def _compare(self, symbol: str, other: "Value") -> "Flag":
+        kind = max(self.kind, other.kind)
+        a, b = self.at(kind), other.at(kind)
+        return self.writer.flag(f"{_WIDE[symbol]}({a}, {b})" if kind is Kind.WIDE else f"{a} {symbol} {b}")
+
+
+_UNSIGNED = {Kind.INT32: "uint32_t", Kind.INT64: "uint64_t", Kind.INT128: "unsigned __int128"}
+_WIDE = {
+    "+": "wide_add",
+    "-": "wide_subtract",
+    "*": "wide_multiply",
+    "&": "wide_and",
+    "^": "wide_xor",
+    "<": "wide_less",
+    "==": "wide_equal",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A C int32_t that is 0 or 1, or a truth ``known`` when the C is written."""
+
+    writer: Writer
+    text: str
+    known: bool | None = None
+
+    @property
+    def c(self) -> str:
+        """The flag as a C expression."""
+        return self.text if self.known is None else str(int(self.known))
+
+    def __and__(self, other: "Flag") -> "Flag":
+        for one, another in ((self, other), (other, self)):
+            if one.known is not None:
+                return another if one.known else one
+        return self.writer.flag(f"{self.text} & {other.text}")
+
+    def __or__(self, other: "Flag") -> "Flag":
+        for one, another in ((self, other), (other, self)):
+            if one.known is not None:
+                return one if one.known else another
+        return self.writer.flag(f"{self.text} | {other.text}")
+
+    @property
+    def number(self) -> Value:
+        """One where the flag holds, else zero."""
+        if self.known is not None:
+            return self.writer.literal(int(self.known))
+        return self.writer.value(self.text, Kind.INT32, 0, 1)
+
+    def negated(self) -> "Flag":
+        """The opposite flag."""
+        if self.known is not None:
+            return Flag(self.writer, "", not self.known)
+        return self.writer.flag(f"!{self.text}")
+
+    def __neg__(self) -> Value:
+        return 0 - self.number
+
+
+def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Value:
+    """``if_true`` where the condition holds, else ``if_false``."""
+    writer = condition.writer
+    a, b = (writer.literal(v) if isinstance(v, int) else v for v in (if_true, if_false))
+    if condition.known is not None:
+        return a if condition.known else b
+    low, high = min(a.low, b.low), max(a.high, b.high)
+    kind = writer.kind(low, high)
+    text = f"{condition.text} ? {a.at(kind)} : {b.at(kind)}"
+    if kind is Kind.WIDE:
+        text = f"wide_select({condition.text}, {a.at(kind)}, {b.at(kind)})"
+    return writer.value(text, kind, low, high)

@@ -1,0 +1,58 @@
+"""A run without a C compiler: the interpreter, track by track, with the engine's arrays."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from kalmanhdl.numerics.typed import Interval, TypedGraph
+from kalmanhdl.simulate.arrays import Arrays, Results
+from kalmanhdl.simulate.generate_c import Port, Program
+from kalmanhdl.simulate.interpreter import Step, interpret, next_state
+from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
+
+
+def run_interpreted(
+    typed: TypedGraph, program: Program, arrays: Arrays, results: Results
+) -> tuple[list[int], dict[int, Interval]]:
+    """Fill the results. Returns how often each counted operation saturated, and all extremes."""
+    counts = dict.fromkeys(program.counted, 0)
+    extremes: dict[int, Interval] = {}
+    for track in range(arrays.tracks):
+        state = {p.name: _get(p, a, track) for p, a in zip(program.states, arrays.state, strict=True)}
+        for step in range(arrays.steps):
+            at = (step, track)
+            if arrays.active is None or arrays.active[at]:
+                done = interpret(typed, _given(program, arrays, at), state)
+                state = next_state(typed, done.values)
+                _tally(program, done, counts, extremes)
+                shown = (done.values[port.index] for port in program.outputs)
+                _put_all(program.outputs, results.outputs, at, shown)
+            _put_all(program.states, results.records, at, state.values())
+        _put_all(program.states, arrays.state, track, state.values())
+    return list(counts.values()), extremes
+
+
+_Place = int | tuple[int, int]
+
+
+def _given(program: Program, arrays: Arrays, at: _Place) -> Mapping[str, int]:
+    ports = zip((*program.inputs, *program.flags), (*arrays.inputs, *arrays.flags), strict=True)
+    return {port.name: _get(port, array, at) for port, array in ports}
+
+
+def _tally(program: Program, done: Step, counts: dict[int, int], extremes: dict[int, Interval]) -> None:
+    for index in done.saturated:
+        counts[index] += 1
+    for port in program.watched:
+        value = done.values[port.index]
+        before = extremes.get(port.index, Interval(low=value, high=value))
+        extremes[port.index] = Interval(low=min(before.low, value), high=max(before.high, value))
+
+
+def _get(port: Port, array: Integers, at: _Place) -> int:
+    return int(from_limbs(array[at]) if port.limbs > 1 else array[at])
+
+
+def _put_all(ports: Iterable[Port], arrays: Iterable[Integers], at: _Place, values: Iterable[int]) -> None:
+    for port, array, value in zip(ports, arrays, values, strict=False):
+        array[at] = to_limbs(np.array(value, dtype=object), port.limbs) if port.limbs > 1 else value

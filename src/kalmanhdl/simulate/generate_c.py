@@ -1,0 +1,299 @@
+"""A typed graph as straight-line C over blocks of tracks.
+
+Per program the C has three functions: ``step`` computes one step of a block of tracks (the loop that
+the compiler vectorises), ``watch`` counts what saturated in that step and keeps the extremes, and
+``run`` loads, steps and stores. ``watch`` runs only if something saturated or if asked for.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+from kalmanhdl.arithmetic.division import TableNewton, reciprocal_table
+from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal, State, StateFlag
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.simulate.expression import Kind, Value, Writer, signed_bits
+from kalmanhdl.simulate.lowering import Lowering, lower
+
+# A block's states, inputs and results stay in the first-level cache.
+BLOCK = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Port:
+    """A value that enters or leaves a step, in an array of 64-bit limbs (no limbs: a flag, one byte).
+
+    ``index`` is the operation whose value it is, ``low`` and ``high`` its bounds. In the C it is the
+    member ``x<index>`` of a structure, of type ``kind``.
+    """
+
+    name: str
+    index: int
+    limbs: int
+    kind: Kind
+    low: int
+    high: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """The C of one graph, and the order in which its arrays are handed over.
+
+    ``counted`` are the operations that can leave their format, ``watched`` those whose extremes are
+    kept.
+    """
+
+    name: str
+    text: str
+    bits: int
+    inputs: tuple[Port, ...]
+    flags: tuple[Port, ...]
+    states: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    counted: tuple[int, ...]
+    watched: tuple[Port, ...]
+
+
+def generate(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[str, tuple[Program, ...]]:
+    """One C source for many graphs, and the programs in it.
+
+    ``minimum_bits`` forces wider types than the values need; the results are the same.
+    """
+    programs = tuple(_program(f"p{i}", typed, minimum_bits) for i, typed in enumerate(graphs))
+    limbs = max(2, -(-max((program.bits for program in programs), default=0) // 64))
+    tables = sorted({g.division.index_bits for g in graphs if isinstance(g.division, TableNewton)})
+    folder = files("kalmanhdl.simulate")
+    parts = [f"#define WIDE_LIMBS {limbs}", f"enum {{ BLOCK = {BLOCK} }};"]
+    parts += [(folder / name).read_text(encoding="utf-8") for name in ("wide.h", "engine.h")]
+    parts += [_table(bits) for bits in tables]
+    return "\n".join([*parts, *(program.text for program in programs)]), programs
+
+
+def _table(index_bits: int) -> str:
+    entries = ", ".join(map(str, reciprocal_table(index_bits)))
+    return f"static const int64_t reciprocal_table_{index_bits}[] = {{{entries}}};"
+
+
+def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
+    writer = Writer(minimum_bits)
+    lowering = lower(typed, writer)
+    operations = typed.graph.operations
+    inputs = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Input))
+    flags = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Flag))
+    places = {o.name: i for i, o in enumerate(operations) if isinstance(o, State | StateFlag)}
+    states = tuple(_port(lowering, key, places.get(key, root)) for key, root in typed.graph.states)
+    outputs = tuple(_port(lowering, key, root) for key, root in typed.graph.outputs)
+    kept = (Input, State, Quantise, Divide, Reciprocal)
+    chosen = {i for i, o in enumerate(operations) if isinstance(o, kept)} | set(typed.graph.roots)
+    watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if p.limbs)
+    counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
+    parts = _Parts(name, lowering, inputs, flags, states, outputs, counted, watched)
+    next_states = _next_states(parts)
+    text = "\n".join([_structures(parts), _step(parts, next_states), _watch(parts), _run(parts)])
+    return Program(
+        name=name,
+        text=text,
+        bits=writer.widest,
+        inputs=inputs,
+        flags=flags,
+        states=states,
+        outputs=outputs,
+        counted=counted,
+        watched=watched,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    name: str
+    lowering: Lowering
+    inputs: tuple[Port, ...]
+    flags: tuple[Port, ...]
+    states: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    counted: tuple[int, ...]
+    watched: tuple[Port, ...]
+
+    @property
+    def lanes(self) -> int:
+        """Tracks are padded to whole vectors, where the compiler can make vectors at all."""
+        return 16 if max(self.lowering.writer.kinds, default=Kind.INT32) <= Kind.INT64 else 1
+
+
+def _port(lowering: Lowering, name: str, index: int) -> Port:
+    signal = lowering.signals[index]
+    if not isinstance(signal, Value):
+        return Port(name=name, index=index, limbs=0, kind=Kind.INT32, low=0, high=1)
+    low, high = signal.low, signal.high
+    limbs = -(-signed_bits(low, high) // 64)
+    return Port(name=name, index=index, limbs=limbs, kind=signal.kind, low=low, high=high)
+
+
+def _next_states(parts: _Parts) -> list[str]:
+    """The statements that keep the states of live tracks."""
+    lowering, lines = parts.lowering, []
+    for port, (_, root) in zip(parts.states, lowering.typed.graph.states, strict=True):
+        if port.limbs:
+            new = lowering.aligned(root, lowering.form(port.index).fraction).known(port.low, port.high)
+            text = new.at(port.kind)
+        else:
+            text = lowering.flag(root).c
+        place = f"x{port.index}[t]"
+        if port.kind is Kind.WIDE:
+            lines.append(f"next->{place} = wide_select(live, {text}, old->{place});")
+        else:
+            lines.append(f"next->{place} = live ? {text} : old->{place};")
+    return lines
+
+
+def _members(ports: Iterable[Port]) -> str:
+    return " ".join(dict.fromkeys(f"{port.kind.c_type} x{port.index}[BLOCK];" for port in ports))
+
+
+def _structures(parts: _Parts) -> str:
+    extremes = " ".join(f"{p.kind.c_type} low{p.index}, high{p.index};" for p in parts.watched)
+    return f"""
+typedef struct {{ int32_t live[BLOCK]; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
+typedef struct {{ int32_t none; {_members(parts.states)} }} {parts.name}_state;
+typedef struct {{ int32_t none; {_members(parts.outputs)} }} {parts.name}_out;
+typedef struct {{ int32_t seen; {extremes} }} {parts.name}_extremes;"""
+
+
+def _signal_text(parts: _Parts, port: Port) -> str:
+    signal = parts.lowering.signals[port.index]
+    return signal.at(port.kind) if isinstance(signal, Value) else signal.c
+
+
+def _step(parts: _Parts, next_states: list[str]) -> str:
+    lowering, name = parts.lowering, parts.name
+    flags = dict.fromkeys(lowering.saturations[i].c for i in parts.counted)
+    outputs = dict.fromkeys(f"out->x{p.index}[t] = {_signal_text(parts, p)};" for p in parts.outputs)
+    body = "\n        ".join([*lowering.writer.lines, *next_states, *outputs])
+    return f"""
+static int32_t {name}_step(int64_t groups, const {name}_in *restrict in, const {name}_state *restrict old,
+                       {name}_state *restrict next, {name}_out *restrict out)
+{{
+    int32_t any = 0;
+    for (int64_t t = 0; t < groups * {parts.lanes}; t++) {{
+        const int32_t live = in->live[t];
+        {body}
+        any |= ({" | ".join(flags) or "0"}) & live;
+    }}
+    return any;
+}}"""
+
+
+def _watch(parts: _Parts) -> str:
+    lowering, name = parts.lowering, parts.name
+    lines = [*lowering.writer.lines]
+    lines += [f"counts[{n}] += {lowering.saturations[i].c};" for n, i in enumerate(parts.counted)]
+    for port in parts.watched:
+        text = _signal_text(parts, port)
+        low, high = f"e->low{port.index}", f"e->high{port.index}"
+        less = "wide_less({}, {})" if port.kind is Kind.WIDE else "{} < {}"
+        lines.append(f"if (!e->seen || {less.format(text, low)}) {low} = {text};")
+        lines.append(f"if (!e->seen || {less.format(high, text)}) {high} = {text};")
+    body = "\n        ".join(lines)
+    return f"""
+__attribute__((cold, noinline))
+static void {name}_watch(int64_t tracks, const {name}_in *restrict in, const {name}_state *restrict old,
+                        int64_t *restrict counts, {name}_extremes *restrict e)
+{{
+    for (int64_t t = 0; t < tracks; t++) {{
+        if (!in->live[t])
+            continue;
+        {body}
+        e->seen = 1;
+    }}
+}}"""
+
+
+def _load(port: Port, array: str, at: str) -> str:
+    """An element of an array of limbs (or of flag bytes), as the port's type."""
+    if not port.limbs:
+        return f"((const uint8_t *){array})[{at}] != 0"
+    if port.limbs == 1 and port.kind is not Kind.WIDE:
+        return f"({port.kind.c_type})((const int64_t *){array})[{at}]"
+    loaded = f"wide_load((const uint64_t *){array} + ({at}) * {port.limbs}, {port.limbs})"
+    return loaded if port.kind is Kind.WIDE else f"wide_low({loaded})"
+
+
+def _store(port: Port, array: str, at: str, value: str) -> str:
+    if not port.limbs:
+        return f"((uint8_t *){array})[{at}] = (uint8_t){value};"
+    if port.limbs == 1 and port.kind is not Kind.WIDE:
+        return f"((int64_t *){array})[{at}] = (int64_t){value};"
+    wide = value if port.kind is Kind.WIDE else f"wide_of({value})"
+    return f"wide_store((uint64_t *){array} + ({at}) * {port.limbs}, {port.limbs}, {wide});"
+
+
+def _each(statements: Iterable[str], indent: int) -> str:
+    """Loops over the tracks of a block, one per statement."""
+    line = "\n" + " " * indent
+    return line.join(f"for (int64_t t = 0; t < n; t++) {statement}" for statement in statements)
+
+
+def _run(parts: _Parts) -> str:
+    name, states = parts.name, parts.states
+    loads = [
+        f"b->in.x{p.index}[t] = {_load(p, f'{array}[{k}]', 'row + t')};"
+        for array, ports in (("inputs", parts.inputs), ("flags", parts.flags))
+        for k, p in enumerate(ports)
+    ]
+    first = [f"old->x{p.index}[t] = {_load(p, f'state[{k}]', 'first + t')};" for k, p in enumerate(states)]
+    last = [_store(p, f"state[{k}]", "first + t", f"old->x{p.index}[t]") for k, p in enumerate(states)]
+    records = [_store(p, f"records[{k}]", "row + t", f"next->x{p.index}[t]") for k, p in enumerate(states)]
+    outs = [
+        _store(p, f"outputs[{k}]", "row + t", f"b->out.x{p.index}[t]") for k, p in enumerate(parts.outputs)
+    ]
+    extremes = "\n        ".join(
+        _store(p, f"extremes[{2 * k + i}]", "0", f"b->extremes.{member}{p.index}")
+        for k, p in enumerate(parts.watched)
+        for i, member in enumerate(("low", "high"))
+    )
+    return f"""
+typedef struct {{
+    {name}_in in;
+    {name}_state states[2];
+    {name}_out out;
+    {name}_extremes extremes;
+}} {name}_block;
+
+/* Arrays are (steps, tracks), states (tracks). Returns 1 if something was watched, -1 without memory. */
+int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, const void *const *flags,
+               const uint8_t *active, void *const *state, void *const *outputs, void *const *records,
+               int64_t *counts, void *const *extremes, int32_t monitor)
+{{
+    {name}_block *b = calloc(1, sizeof *b);
+    if (!b)
+        return -1;
+    for (int64_t first = 0; first < tracks; first += BLOCK) {{
+        int64_t n = tracks - first < BLOCK ? tracks - first : BLOCK;
+        {name}_state *old = &b->states[0], *next = &b->states[1];
+        for (int64_t t = 0; t < BLOCK; t++) b->in.live[t] = t < n;
+        {_each(first, 8)}
+        for (int64_t step = 0; step < steps; step++) {{
+            int64_t row = step * tracks + first;
+            {_each(loads, 12)}
+            if (active)
+                for (int64_t t = 0; t < n; t++) b->in.live[t] = active[row + t] != 0;
+            int32_t any = {name}_step((n + {parts.lanes - 1}) / {parts.lanes}, &b->in, old, next, &b->out);
+            if (any || monitor)
+                {name}_watch(n, &b->in, old, counts, &b->extremes);
+            {_each(outs, 12)}
+            if (records) {{
+                {_each(records, 16)}
+            }}
+            {name}_state *swap = old;
+            old = next;
+            next = swap;
+        }}
+        {_each(last, 8)}
+    }}
+    int32_t seen = b->extremes.seen;
+    if (seen) {{
+        {extremes}
+    }}
+    free(b);
+    return seen;
+}}"""

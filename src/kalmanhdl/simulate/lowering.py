@@ -1,0 +1,163 @@
+"""Every operation of a typed graph as a C value or flag.
+
+Bounds are derived here from the formats of inputs, states and rounded results alone, so that the C is
+exact even for a value that a range analysis believed impossible.
+"""
+
+from dataclasses import dataclass
+from typing import assert_never
+
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, outside, rounded, saturated, wrapped
+from kalmanhdl.graph.operations import (
+    Add,
+    And,
+    Constant,
+    Divide,
+    Input,
+    Multiply,
+    Not,
+    Operation,
+    Or,
+    Outside,
+    Quantise,
+    Reciprocal,
+    Select,
+    Shift,
+    State,
+    StateFlag,
+    Subtract,
+)
+from kalmanhdl.graph.operations import Flag as FlagInput
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.simulate import quotients
+from kalmanhdl.simulate.expression import Flag, Value, Writer, choose
+
+Signal = Value | Flag
+
+
+@dataclass(slots=True)
+class Lowering:
+    """The signals of a graph's operations in C, and which of them can leave their format."""
+
+    typed: TypedGraph
+    writer: Writer
+    signals: list[Signal]
+    saturations: dict[int, Flag]
+
+    def form(self, index: int) -> Fixed:
+        """The format of a number."""
+        form = self.typed.formats[index]
+        assert form is not None
+        return form
+
+    def number(self, index: int) -> Value:
+        """The signal of an operation that is a number."""
+        signal = self.signals[index]
+        assert isinstance(signal, Value)
+        return signal
+
+    def flag(self, index: int) -> Flag:
+        """The signal of an operation that is a flag."""
+        signal = self.signals[index]
+        assert isinstance(signal, Flag)
+        return signal
+
+    def aligned(self, index: int, fraction: int) -> Value:
+        """A number with its binary point moved down to ``fraction`` bits."""
+        return self.number(index) << (fraction - self.form(index).fraction)
+
+
+def lower(typed: TypedGraph, writer: Writer) -> Lowering:
+    """Write the C of all operations, in order."""
+    lowering = Lowering(typed, writer, [], {})
+    for index, operation in enumerate(typed.graph.operations):
+        lowering.signals.append(_signal(lowering, index, operation))
+    return lowering
+
+
+def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
+    number, flag = lowering.number, lowering.flag
+
+    def aligned(operand: int) -> Value:
+        return lowering.aligned(operand, lowering.form(index).fraction)
+
+    match operation:
+        case Input() | State():
+            return _loaded(lowering, index, "in" if isinstance(operation, Input) else "old")
+        case FlagInput():
+            return lowering.writer.flag(f"in->x{index}[t]")
+        case StateFlag():
+            return lowering.writer.flag(f"old->x{index}[t]")
+        case Constant(value):
+            return lowering.writer.literal(int(value / lowering.form(index).resolution))
+        case Add(a, b):
+            return aligned(a) + aligned(b)
+        case Subtract(a, b):
+            return aligned(a) - aligned(b)
+        case Multiply(a, b):
+            return number(a) * number(b)
+        case Shift(a):
+            return number(a)
+        case Select(condition, a, b):
+            return choose(flag(condition), aligned(a), aligned(b))
+        case Quantise(a, form, rounding, overflow):
+            raw = rounded(number(a), lowering.form(a).fraction - form.fraction, rounding)
+            return _fitted(lowering, index, raw, form, overflow)
+        case Divide() | Reciprocal():
+            return _quotient(lowering, index, operation)
+        case Outside(a, form, rounding):
+            raw = rounded(number(a), lowering.form(a).fraction - form.fraction, rounding)
+            return _outside(raw, form)
+        case And(a, b):
+            return flag(a) & flag(b)
+        case Or(a, b):
+            return flag(a) | flag(b)
+        case Not(a):
+            return flag(a).negated()
+        case _ as never:
+            assert_never(never)
+
+
+def _loaded(lowering: Lowering, index: int, place: str) -> Value:
+    form = lowering.form(index)
+    kind = lowering.writer.kind(form.lowest, form.highest)
+    return lowering.writer.value(f"{place}->x{index}[t]", kind, form.lowest, form.highest)
+
+
+def _outside(raw: Value, form: Fixed) -> Flag:
+    if form.lowest <= raw.low and raw.high <= form.highest:
+        return Flag(raw.writer, "", False)
+    flag = outside(raw, form)
+    assert isinstance(flag, Flag)
+    return flag
+
+
+def _fitted(lowering: Lowering, index: int, raw: Value, form: Fixed, overflow: Overflow) -> Value:
+    out = _outside(raw, form)
+    if out.known is False:
+        return raw
+    lowering.saturations[index] = out
+    if overflow is Overflow.WRAP:
+        value = wrapped(raw, form)
+    else:
+        value = saturated(raw, form, choose).known(*(_clamp(bound, form) for bound in (raw.low, raw.high)))
+    assert isinstance(value, Value)
+    return value
+
+
+def _clamp(number: int, form: Fixed) -> int:
+    return min(max(number, form.lowest), form.highest)
+
+
+def _quotient(lowering: Lowering, index: int, operation: Divide | Reciprocal) -> Value:
+    form, rounding = lowering.form(index), lowering.typed.division_rounding
+    if isinstance(operation, Reciprocal):
+        divisor, fraction = lowering.number(operation.a), lowering.form(operation.a).fraction
+        result = quotients.reciprocal(divisor, fraction, form, rounding, lowering.typed.division)
+    else:
+        a, b = operation.a, operation.b
+        dividend, divisor = lowering.number(a), lowering.number(b)
+        fractions = lowering.form(a).fraction, lowering.form(b).fraction
+        result = quotients.divide(dividend, fractions[0], divisor, fractions[1], form, rounding)
+    value, lowering.saturations[index] = result
+    return value
