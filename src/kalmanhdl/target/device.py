@@ -12,6 +12,7 @@ class Device:
     width), ``multiply`` (one block), ``compare``, ``select``, ``table`` (logic ROM, by address bits),
     ``shift`` (variable shift, by width), ``leading_one`` (by width), ``context_read`` (clock to data),
     ``context_write``, ``register`` (clock to output plus setup).
+    ``package`` is the one that place and route assumes; empty where there is no place and route.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Device:
     pipelined_period_ns: float
     delays: dict[str, tuple[tuple[int, float], ...]]
     measured_with: str
+    package: str = ""
 
     def delay_ns(self, kind: str, size: int) -> float:
         """The delay of a piece of logic, between measured sizes by interpolation, beyond by extension."""

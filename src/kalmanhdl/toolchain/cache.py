@@ -33,17 +33,30 @@ def key(*parts: str | bytes) -> str:
     return digest.hexdigest()[:40]
 
 
-def entry(kind: str, parts: tuple[str | bytes, ...], make: Callable[[Path], None]) -> Path:
-    """The folder of result files for these inputs; ``make(folder)`` fills it where there is none yet.
+def find(kind: str, parts: tuple[str | bytes, ...]) -> Path | None:
+    """The folder of result files for these inputs, where there is one.
 
     Whoever uses the files does so at once: entries that nobody has used for an hour may be evicted.
     """
-    place = root() / "entries" / f"{kind}-{key(*parts)}"
+    place = _place(kind, parts)
     if not place.is_dir():
-        _publish(place, make)
-        evict(_BYTES_KEPT)
+        return None
     os.utime(place)
     return place
+
+
+def entry(kind: str, parts: tuple[str | bytes, ...], make: Callable[[Path], None]) -> Path:
+    """The folder of result files for these inputs; ``make(folder)`` fills it where there is none yet."""
+    place = find(kind, parts)
+    if place is None:
+        place = _place(kind, parts)
+        _publish(place, make)
+        evict(_BYTES_KEPT)
+    return place
+
+
+def _place(kind: str, parts: tuple[str | bytes, ...]) -> Path:
+    return root() / "entries" / f"{kind}-{key(*parts)}"
 
 
 def _publish(place: Path, make: Callable[[Path], None]) -> None:

@@ -75,7 +75,7 @@ class Simulation:
         """
         source, sink = self._border.source, self._border.sink
         tokens = np.ascontiguousarray(tokens, dtype=np.uint64)
-        assert tokens.ndim == 2 and tokens.shape[1] == source.words, (tokens.shape, source.words)
+        assert tokens.shape == (len(tokens), source.words), (tokens.shape, source.words)
         outputs = np.zeros((out_count, sink.words), np.uint64)
         accepted_at, produced_at = np.zeros(len(tokens), np.int64), np.zeros(out_count, np.int64)
         counts = np.zeros(3, np.int64)
