@@ -1,41 +1,37 @@
-"""The arithmetic cores of a plan's multiplications and divisions."""
+"""The arithmetic cores that multiplications and divisions of a plan are made of."""
 
-from amaranth.hdl import Module, Value
+from amaranth.hdl import Shape
 
-from kalmanhdl.arithmetic.division import LongDivision
+from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.division_structure import ONE, Operand
-from kalmanhdl.graph.operations import Divide, Multiply, Reciprocal
+from kalmanhdl.graph.operations import Divide, Reciprocal
 from kalmanhdl.rtl.divider import LongDivider
-from kalmanhdl.rtl.stages import delayed
+from kalmanhdl.rtl.multiplier import Multiplier
+from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
 from kalmanhdl.schedule.plan import Plan
 
 
-def product(m: Module, name: str, plan: Plan, index: int, a: Value, b: Value) -> Value:
-    """The exact product, ``plan.registers[index]`` clocks after its operands."""
-    assert isinstance(plan.typed.graph.operations[index], Multiply)
-    return delayed(m, a * b, plan.registers[index], f"{name}_stage")
+def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
+    """The core of a multiplication, for operands of these shapes."""
+    return Multiplier(a, b, plan.registers[index], index in plan.on_multiplier_block)
 
 
-def quotient(m: Module, name: str, plan: Plan, index: int, divisor: Value, dividend: Value | None) -> Value:
-    """The quotient, or without a dividend the reciprocal, so many clocks after its operands."""
+def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal:
+    """The core of a division or, without the port ``dividend``, of a reciprocal."""
     operation, typed = plan.typed.graph.operations[index], plan.typed
-    form = typed.formats[index]
-    assert isinstance(operation, Divide | Reciprocal)
+    form, rounding, registers = typed.formats[index], typed.division_rounding, plan.registers[index]
     assert form is not None
-    assert isinstance(typed.division, LongDivision)
-    core = LongDivider(
-        ONE if isinstance(operation, Reciprocal) else _operand(plan, operation.a),
-        _operand(plan, operation.a if isinstance(operation, Reciprocal) else operation.b),
-        form,
-        typed.division_rounding,
-        typed.division.radix,
-        plan.registers[index],
-    )
-    m.submodules[f"{name}_divider"] = core
-    m.d.comb += core.divisor.eq(divisor)
-    if dividend is not None:
-        m.d.comb += core.dividend.eq(dividend)
-    return core.quotient
+    match operation, typed.division:
+        case Reciprocal(a), TableNewton() as method:
+            on_block = index in plan.on_multiplier_block
+            return TableNewtonReciprocal(_operand(plan, a), form, rounding, method, registers, on_block)
+        case Reciprocal(a), LongDivision(radix=radix):
+            return LongDivider(ONE, _operand(plan, a), form, rounding, radix, registers)
+        case Divide(a, b), method:
+            # A table gives reciprocals only; a quotient is always found by long division.
+            radix = method.radix if isinstance(method, LongDivision) else 2
+            return LongDivider(_operand(plan, a), _operand(plan, b), form, rounding, radix, registers)
+    raise AssertionError(operation)
 
 
 def _operand(plan: Plan, index: int) -> Operand:

@@ -30,7 +30,7 @@ from kalmanhdl.rtl import exact
 from kalmanhdl.rtl.exact import Number
 from kalmanhdl.rtl.layouts import shape
 from kalmanhdl.rtl.names import operation_names
-from kalmanhdl.rtl.operators import product, quotient
+from kalmanhdl.rtl.operators import divider, multiplier
 from kalmanhdl.rtl.quantiser import aligned, quantised
 from kalmanhdl.rtl.timeline import Always, Timeline
 from kalmanhdl.schedule.plan import Plan
@@ -127,15 +127,21 @@ class Values:
     def _product(self, index: int, operation: Multiply) -> Value:
         start = self._plan.start[index]
         a, b = self.at(operation.a, start), self.at(operation.b, start)
-        return product(self._m, self._names[index], self._plan, index, a, b)
+        core = multiplier(self._plan, index, a.shape(), b.shape())
+        self._m.submodules[f"{self._names[index]}_multiplier"] = core
+        self._m.d.comb += [core.a.eq(a), core.b.eq(b)]
+        return core.product
 
     def _quotient(self, index: int, operation: Divide | Reciprocal) -> Value:
-        start, name = self._plan.start[index], self._names[index]
+        start = self._plan.start[index]
+        core = divider(self._plan, index)
+        self._m.submodules[f"{self._names[index]}_divider"] = core
         match operation:
             case Divide(a, b):
-                return quotient(self._m, name, self._plan, index, self.at(b, start), self.at(a, start))
+                self._m.d.comb += [core.dividend.eq(self.at(a, start)), core.divisor.eq(self.at(b, start))]
             case Reciprocal(a):
-                return quotient(self._m, name, self._plan, index, self.at(a, start), None)
+                self._m.d.comb += core.divisor.eq(self.at(a, start))
+        return core.quotient
 
     def _named(self, index: int, value: Value, cycle: int) -> Timeline:
         form = self._plan.typed.formats[index]
