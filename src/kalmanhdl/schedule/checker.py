@@ -4,7 +4,7 @@ The scheduler works with times of all sources at once and Karp's means; the chec
 after the other and looks for loops that gain (Floyd 1962), so that a slip in one is seen by the other.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from itertools import count
 
 import numpy as np
@@ -162,20 +162,25 @@ def _edges(
     """Cycles from reading one state until the next value of another can be read, at any period."""
     graph, reads = plan.typed.graph, _reads(plan)
     edges = np.full((len(graph.states), len(graph.states)), -np.inf)
-    depths = _depths(plan, library, device, period_ns)
+    delays = _context_delays(plan, device)
+    limit = picoseconds(period_ns) - delays[2]
+    depths = _depths(plan, library, delays[1], limit)
+    parts = [operator.stages(depth) for operator, depth in zip(library, depths, strict=True)]
+    before = list(map(operands, graph.operations))
+    tails = [0] * len(library)
+    for _, root in graph.states:
+        tails[root] = delays[1]
     for row, (name, _) in enumerate(graph.states):
         if name in reads:
-            ends = _walk(plan, library, device, period_ns, depths, reads[name])
+            ends = _walk(parts, before, tails, limit, reads[name], delays[0])
             for column, (_, root) in enumerate(graph.states):
                 if root in ends:
                     edges[row, column] = ends[root] + 1 + plan.context_overhead
     return edges
 
 
-def _depths(plan: Plan, library: tuple[Operator, ...], device: Device, period_ns: float) -> list[int]:
+def _depths(plan: Plan, library: tuple[Operator, ...], write: int, limit: int) -> list[int]:
     """The fewest registers with which every operator fits into the period."""
-    _, write, register = _context_delays(plan, device)
-    limit = picoseconds(period_ns) - register
     roots = {root for _, root in plan.typed.graph.states}
 
     def fits(index: int, held: int) -> bool:
@@ -189,26 +194,22 @@ def _depths(plan: Plan, library: tuple[Operator, ...], device: Device, period_ns
 
 
 def _walk(
-    plan: Plan,
-    library: tuple[Operator, ...],
-    device: Device,
-    period_ns: float,
-    depths: list[int],
+    parts: Sequence[Sequence[int]],
+    before: Sequence[Sequence[int]],
+    tails: Sequence[int],
+    limit: int,
     source: int,
-) -> Mapping[int, int]:
+    read: int,
+) -> dict[int, int]:
     """The earliest end cycles of what depends on a state that is read in cycle 0."""
-    read, write, register = _context_delays(plan, device)
-    limit = picoseconds(period_ns) - register
-    roots = {root for _, root in plan.typed.graph.states}
     found: dict[int, Moment] = {source: (0, read)}
-    for index in range(source + 1, len(library)):
-        before = [found[k] for k in operands(plan.typed.graph.operations[index]) if k in found]
-        if not before:
+    for index in range(source + 1, len(parts)):
+        ready = [found[k] for k in before[index] if k in found]
+        if not ready:
             continue
-        cycle, offset = max(before)
-        parts = library[index].stages(depths[index])
-        first = parts[0] + (write if index in roots and len(parts) == 1 else 0)
-        if offset > 0 and (len(parts) > 1 or offset + first > limit):
+        cycle, offset = max(ready)
+        first, *rest = parts[index]
+        if offset > 0 and (rest or offset + first + tails[index] > limit):
             cycle, offset = cycle + 1, 0
-        found[index] = (cycle, offset + parts[0]) if len(parts) == 1 else (cycle + depths[index], parts[-1])
+        found[index] = (cycle + len(rest), rest[-1]) if rest else (cycle, offset + first)
     return {index: cycle for index, (cycle, _) in found.items()}

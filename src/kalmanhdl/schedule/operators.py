@@ -10,9 +10,10 @@ from itertools import pairwise
 from typing import assert_never
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
-from kalmanhdl.arithmetic.division_structure import ONE, Operand, long_structure
+from kalmanhdl.arithmetic.division_structure import ONE, Operand, long_structure, row_weights
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded
 from kalmanhdl.arithmetic.pipelining import register_places
+from kalmanhdl.arithmetic.product_structure import booth_terms, limb_widths, recodes_first, tree_levels
 from kalmanhdl.graph.operations import (
     Add,
     And,
@@ -38,16 +39,22 @@ from kalmanhdl.target.device import Device
 # A multiplication of so few rows costs less in logic than the way to a block.
 _ROWS_ALWAYS_IN_LOGIC = 4
 
+# How the hardware weighs a block and a row, in levels of adders, when it places registers.
+_BLOCK_WEIGHT = 2.0
+_RECODING_WEIGHT = 0.5
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operator:
     """The hardware of one operation: indivisible ``pieces`` of logic in order, in picoseconds.
 
-    A pipeline register can stand between any two pieces. ``blocks`` counts multiplier blocks.
+    A pipeline register can stand between any two pieces; ``weights`` are the delays by which the
+    hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
     """
 
     kind: str
     pieces: tuple[int, ...]
+    weights: tuple[float, ...] = ()
     blocks: int = 0
 
     @property
@@ -62,7 +69,17 @@ class Operator:
 
     def stages(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages when it holds so many registers."""
-        return stages(self.pieces, registers)
+        return _stages(self.pieces, self.weights or self.pieces, registers)
+
+    def fits(self, registers: int, budget: int, tail: int) -> bool:
+        """Whether its stages fit into a budget, the last one followed by so much other logic."""
+        delays = self.stages(registers)
+        return max(delays) <= budget and delays[-1] + tail <= budget
+
+    def shortest_stage(self, tail: int) -> int:
+        """The least budget that it fits into with any number of registers."""
+        held = (self.stages(registers) for registers in range(len(self.pieces)))
+        return min(max(*delays, delays[-1] + tail) for delays in held)
 
 
 def picoseconds(nanoseconds: float) -> int:
@@ -71,10 +88,9 @@ def picoseconds(nanoseconds: float) -> int:
 
 
 @lru_cache(maxsize=4096)
-def stages(pieces: tuple[int, ...], registers: int) -> tuple[int, ...]:
-    """The delays of the stages between the registers, which stand where the hardware puts them."""
+def _stages(pieces: tuple[int, ...], weights: tuple[float, ...], registers: int) -> tuple[int, ...]:
     loads = [0]
-    for count, piece in zip(register_places(pieces, registers), (*pieces, 0), strict=True):
+    for count, piece in zip(register_places(weights, registers), (*pieces, 0), strict=True):
         loads += [0] * count
         loads[-1] += piece
     return tuple(loads)
@@ -98,8 +114,7 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
         case Multiply(a, b):
-            pieces, blocks = _multiplier(typed, a, b, device, on_block)
-            return Operator(kind="multiply", pieces=pieces, blocks=blocks)
+            return _product(_number(typed, a), _number(typed, b), device, on_block)
         case Select(_, a, _):
             form = typed.formats[index]
             return _wired(operation, _delay(device, "select", form.width if form else 1))
@@ -109,9 +124,8 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
             return _wired(operation, _limit_check(typed, a, form, rounding, device))
         case And() | Or():
             return _wired(operation, _delay(device, "select", 1))
-        case Divide(a, b):
-            pieces = _long_division(typed, index, _operand(typed, a), b, device)
-            return Operator(kind="divide", pieces=pieces)
+        case Divide(_, b):
+            return _long_division("divide", typed, index, b, device)
         case Reciprocal(a):
             return _reciprocal(typed, index, a, device, on_block)
         case _:
@@ -143,18 +157,6 @@ def signed_digits(value: int) -> int:
     return ((3 * magnitude) ^ magnitude).bit_count()
 
 
-def limbs(form: Fixed, device: Device) -> int:
-    """Into how many limbs an operand is cut to fit multiplier blocks; all but the top are unsigned."""
-    width = form.width + (not form.signed)
-    return 1 + max(0, -((device.multiplier_width - width) // (device.multiplier_width - 1)))
-
-
-def is_free_quantise(interval: Interval, fraction: int, form: Fixed, rounding: Rounding) -> bool:
-    """Whether a quantisation only drops bits: a floor, or nothing dropped, and every value fits."""
-    drops = fraction - form.fraction
-    return (drops <= 0 or rounding is Rounding.FLOOR) and not _leaves(interval, drops, form, rounding)
-
-
 def _kind(operation: object) -> str:
     name = type(operation).__name__
     return "state_flag" if name == "StateFlag" else name.lower()
@@ -183,27 +185,25 @@ def _adder(typed: TypedGraph, index: int, a: int, b: int, device: Device) -> int
     return _delay(device, "add", max(1, form.width - passed))
 
 
-def _multiplier(
-    typed: TypedGraph, a: int, b: int, device: Device, on_block: bool
-) -> tuple[tuple[int, ...], int]:
-    form_a, form_b = _number(typed, a), _number(typed, b)
+def _product(a: Fixed, b: Fixed, device: Device, on_block: bool) -> Operator:
+    """One block for each pair of limbs, or the rows of a multiplication from logic; then a tree of adders."""
     if on_block:
-        return _block_product(form_a, form_b, device)
-    few, wide = sorted((rows(typed, a), rows(typed, b)))
-    return _logic_product(few, max(wide, form_a.width, form_b.width), device), 0
-
-
-def _block_product(a: Fixed, b: Fixed, device: Device) -> tuple[tuple[int, ...], int]:
-    blocks = limbs(a, device) * limbs(b, device)
+        limbs_a = limb_widths(a.width, a.signed, b.signed, device.multiplier_width)
+        limbs_b = limb_widths(b.width, b.signed, a.signed, device.multiplier_width)
+        terms = blocks = len(limbs_a) * len(limbs_b)
+        first, weight = _delay(device, "multiply", device.multiplier_width), _BLOCK_WEIGHT
+    else:
+        recoded = a if recodes_first(a.width, a.signed, b.width, b.signed) else b
+        terms, blocks = booth_terms(recoded.width, recoded.signed), 0
+        first, weight = _delay(device, "select", a.width + b.width - recoded.width), _RECODING_WEIGHT
+    levels = tree_levels(terms)
     adder = _delay(device, "add", a.width + b.width)
-    depth = (blocks - 1).bit_length()
-    return (_delay(device, "multiply", device.multiplier_width), *[adder] * depth), blocks
-
-
-def _logic_product(count: int, width: int, device: Device) -> tuple[int, ...]:
-    """Partial products in a tree of adders, wider at each level."""
-    depth = (max(count, 1) - 1).bit_length()
-    return tuple(_delay(device, "add", width + (1 << level)) for level in range(1, depth + 1)) or (0,)
+    return Operator(
+        kind="multiply",
+        pieces=(first, *(adder,) * levels),
+        weights=(weight, *(1.0,) * levels),
+        blocks=blocks,
+    )
 
 
 def _leaves(interval: Interval, drops: int, form: Fixed, rounding: Rounding) -> bool:
@@ -248,31 +248,25 @@ def _operand(typed: TypedGraph, index: int) -> Operand:
     return Operand(form=_number(typed, index), low=interval.low, high=interval.high)
 
 
-def _long_division(
-    typed: TypedGraph, index: int, dividend: Operand, divisor: int, device: Device
-) -> tuple[int, ...]:
+def _long_division(kind: str, typed: TypedGraph, index: int, divisor: int, device: Device) -> Operator:
+    operation = typed.graph.operations[index]
+    dividend = _operand(typed, operation.a) if isinstance(operation, Divide) else ONE
     radix = typed.division.radix if isinstance(typed.division, LongDivision) else 2
     form, rounding = _number(typed, index), typed.division_rounding
     structure = long_structure(dividend, _operand(typed, divisor), form, rounding, radix)
     row = _delay(device, "add", structure.row_width)
     wide_row = row + _delay(device, "select", structure.row_width)
-    pieces = [row if bits == 1 else wide_row for bits in structure.row_bits]
-    if structure.biased:
-        pieces.insert(0, _delay(device, "add", structure.row_width))
-    if structure.ties:
-        pieces.append(_delay(device, "compare", structure.row_width))
+    before = row if structure.biased else 0
+    after = _delay(device, "compare", structure.row_width) if structure.ties else 0
     if structure.above or structure.below:
-        pieces.append(_delay(device, "select", form.width))
-    return tuple(pieces)
-
-
-def _finish(form: Fixed, device: Device) -> int:
-    return _delay(device, "add", form.width) + _delay(device, "select", form.width)
+        after += _delay(device, "select", form.width)
+    pieces = (before, *(row if bits == 1 else wide_row for bits in structure.row_bits), after)
+    return Operator(kind=kind, pieces=pieces, weights=row_weights(structure))
 
 
 def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block: bool) -> Operator:
     if isinstance(typed.division, LongDivision):
-        return Operator(kind="reciprocal", pieces=_long_division(typed, index, ONE, a, device))
+        return _long_division("reciprocal", typed, index, a, device)
     form, divisor = _number(typed, index), _number(typed, a)
     pieces = [
         _delay(device, "leading_one", divisor.width),
@@ -282,19 +276,16 @@ def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block:
     blocks = 0
     fractions = typed.division.fractions(form)
     for fraction, target in pairwise(fractions):
-        value, factor = fraction + 1, target + 3
-        for x, y in ((divisor.width, value), (value, factor)):
-            product, used = _product(x, y, device, on_block)
-            pieces += product
-            blocks += used
-        # The factor is 2 minus a product: one subtraction between the two multiplications.
-        pieces.insert(len(pieces) - len(product), _delay(device, "add", factor))
-    pieces += [_delay(device, "shift", fractions[-1] + 1), _finish(form, device)]
+        value, factor = _unsigned(fraction + 1), _unsigned(target + 3)
+        first = _product(_unsigned(divisor.width), value, device, on_block)
+        second = _product(value, factor, device, on_block)
+        # The factor is 2 minus the first product.
+        pieces += [*first.pieces, _delay(device, "add", factor.width), *second.pieces]
+        blocks += first.blocks + second.blocks
+    rounding = _delay(device, "add", form.width) + _delay(device, "select", form.width)
+    pieces += [_delay(device, "shift", fractions[-1] + 1), rounding]
     return Operator(kind="reciprocal", pieces=tuple(pieces), blocks=blocks)
 
 
-def _product(x: int, y: int, device: Device, on_block: bool) -> tuple[tuple[int, ...], int]:
-    if on_block:
-        wide, narrow = (Fixed(width=width, fraction=0, signed=False) for width in (x, y))
-        return _block_product(wide, narrow, device)
-    return _logic_product(min(x, y), max(x, y), device), 0
+def _unsigned(width: int) -> Fixed:
+    return Fixed(width=width, fraction=0, signed=False)

@@ -33,8 +33,8 @@ class Step:
     @property
     def shortest_period(self) -> int:
         """Picoseconds of a period at which every indivisible piece of logic fits into a stage."""
-        pieces = (max(*o.pieces, o.pieces[-1] + t) for o, t in zip(self.operators, self.tails, strict=True))
-        return self.register + max(pieces, default=0)
+        stages = (o.shortest_stage(tail) for o, tail in zip(self.operators, self.tails, strict=True))
+        return self.register + max(stages, default=0)
 
     @property
     def longest_period(self) -> int:
@@ -92,16 +92,12 @@ def step_of(graph: Graph, operators: tuple[Operator, ...], device: Device, chann
 def pace(step: Step, period: int) -> Pace:
     """The step at a period of at least ``step.shortest_period`` picoseconds."""
     budget = period - step.register
-    registers: list[int] = []
-    lasts: list[int] = []
-    for operator, tail in zip(step.operators, step.tails, strict=True):
-        count, last = 0, operator.delay
-        while count < operator.capacity and (last + tail > budget or max(operator.stages(count)) > budget):
-            count += 1
-            last = operator.stages(count)[-1]
-        registers.append(count)
-        lasts.append(last)
-    return Pace(step=step, budget=budget, registers=tuple(registers), lasts=tuple(lasts))
+    held = tuple(
+        next(k for k in range(operator.capacity + 1) if operator.fits(k, budget, tail))
+        for operator, tail in zip(step.operators, step.tails, strict=True)
+    )
+    lasts = tuple(operator.stages(k)[-1] for operator, k in zip(step.operators, held, strict=True))
+    return Pace(step=step, budget=budget, registers=held, lasts=lasts)
 
 
 def earliest(pace: Pace, reads: Mapping[int, int]) -> tuple[list[int], list[int]]:

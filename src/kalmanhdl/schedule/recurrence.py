@@ -53,14 +53,13 @@ class Recurrence:
         found = zip(self.operations, cycles.tolist(), strict=True)
         return {index: int(cycle) for index, cycle in found if index is not None}
 
-    def loop(self) -> tuple[str, ...]:
-        """The states of a loop that forbids any distance below the bound; none if no loop does."""
-        shorter = self.bound - 1
+    def loop(self, distance: int) -> tuple[str, ...]:
+        """The states of a loop that forbids a distance, in their order; none if no loop does."""
         count = len(self.names)
         reach, before = np.zeros(count, dtype=np.int64), np.full(count, -1)
         changed = np.zeros(count, dtype=bool)
         for _ in range(count):
-            candidates = reach[:, None] + self.weights - shorter
+            candidates = reach[:, None] + self.weights - distance
             best = candidates.argmax(axis=0)
             longest = candidates[best, np.arange(count)]
             changed = longest > reach

@@ -1,0 +1,125 @@
+"""What a report says about a plan, in numbers."""
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from kalmanhdl.graph.operations import (
+    Constant,
+    Flag,
+    Graph,
+    Input,
+    Multiply,
+    Shift,
+    State,
+    StateFlag,
+    operands,
+)
+from kalmanhdl.schedule.lifetimes import held_bits, widths
+from kalmanhdl.schedule.operators import operators, picoseconds
+from kalmanhdl.schedule.placement import pace, step_of
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.recurrence import recurrence
+from kalmanhdl.target.device import Device
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One operation of a Gantt chart, from its first cycle to its last."""
+
+    label: str
+    kind: str
+    start: int
+    end: int
+    origin: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """A plan in numbers.
+
+    ``units`` counts the operators of each kind, ``busy[cycle]`` the operations of each kind that start
+    in a cycle. ``register_bits`` are held between operators, ``operator_register_bits`` inside them, as
+    wide as their results. ``loop`` names the states whose loop sets the bound, or, where the
+    pipeline was made shallower, the period.
+    """
+
+    interval_cycles: int
+    channels: int
+    distance_cycles: int
+    latency_cycles: int
+    recurrence_bound_cycles: int
+    period_ns: float
+    pipelined_period_ns: float
+    shallower: bool
+    units: dict[str, int]
+    busy: tuple[dict[str, int], ...]
+    multiplier_blocks: int
+    register_bits: int
+    operator_register_bits: int
+    loop: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def summarise(plan: Plan, device: Device) -> Summary:
+    """The numbers of a plan for a device."""
+    rows = tuple(_rows(plan))
+    library = operators(plan.typed, device, plan.on_multiplier_block)
+    bits = widths(plan.typed)
+    ends = [plan.end(index) for index in range(len(plan.start))]
+    busy = [Counter(row.kind for row in rows if row.start == cycle) for cycle in range(plan.latency)]
+    return Summary(
+        interval_cycles=plan.interval,
+        channels=plan.channels,
+        distance_cycles=plan.distance,
+        latency_cycles=plan.latency,
+        recurrence_bound_cycles=plan.recurrence_bound,
+        period_ns=plan.period_ns,
+        pipelined_period_ns=plan.pipelined_period_ns,
+        shallower=plan.shallower,
+        units=_sorted(Counter(row.kind for row in rows)),
+        busy=tuple(map(_sorted, busy)),
+        multiplier_blocks=sum(library[index].blocks for index in plan.on_multiplier_block),
+        register_bits=held_bits(plan.typed, plan.start, ends),
+        operator_register_bits=sum(held * width for held, width in zip(plan.registers, bits, strict=True)),
+        loop=_critical_loop(plan, device),
+        rows=rows,
+    )
+
+
+def kind_of(graph: Graph, index: int) -> str:
+    """The word for an operation in reports, such as ``constant_multiply``."""
+    operation = graph.operations[index]
+    if isinstance(operation, Multiply) and any(
+        isinstance(graph.operations[k], Constant) for k in operands(operation)
+    ):
+        return "constant_multiply"
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(operation).__name__).lower()
+
+
+def _rows(plan: Plan) -> list[Row]:
+    graph = plan.typed.graph
+    return [
+        Row(
+            label=f"%{index}",
+            kind=kind_of(graph, index),
+            start=plan.start[index],
+            end=plan.end(index),
+            origin=graph.origins[index],
+        )
+        for index, operation in enumerate(graph.operations)
+        if not isinstance(operation, Input | Flag | State | StateFlag | Constant | Shift)
+    ]
+
+
+def _sorted(counts: Counter[str]) -> dict[str, int]:
+    return dict(sorted(counts.items()))
+
+
+def _critical_loop(plan: Plan, device: Device) -> tuple[str, ...]:
+    library = operators(plan.typed, device, plan.on_multiplier_block)
+    step = step_of(plan.typed.graph, library, device, plan.channels)
+    period = picoseconds(plan.period_ns)
+    if plan.shallower:
+        return recurrence(pace(step, period - 1)).loop(plan.distance)
+    return recurrence(pace(step, period)).loop(plan.distance - 1)
