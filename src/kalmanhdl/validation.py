@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from kalmanhdl.errors import DesignError, ModelError
 
 MAX_NAME_LENGTH = 64
+MAX_HINTS = 16
 
 _VERILOG = """
 always and assign automatic begin bit buf bufif0 bufif1 byte case casex casez cell class cmos config const
@@ -57,12 +58,15 @@ def shown(value: object) -> str:
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """A hint that ends a message: the nearest valid word, or all of them."""
+    """A hint that ends a message: the nearest valid word, or the first valid ones."""
     words = list(valid)
     close = difflib.get_close_matches(word[:MAX_NAME_LENGTH], words, n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"valid are {', '.join(words)}" if words else "none is valid here"
+    if len(words) == 1:
+        return f"only {words[0]!r} is valid"
+    rest = ", ..." if len(words) > MAX_HINTS else ""
+    return f"valid are {', '.join(words[:MAX_HINTS])}{rest}" if words else "none is valid here"
 
 
 def identifier_problem(name: object) -> str | None:

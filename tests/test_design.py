@@ -1,0 +1,59 @@
+"""A design made of objects obeys the same rules as a file."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.errors import DesignError
+from kalmanhdl.model.initial import given
+from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.numerics.specification import FixedSpecification
+
+MODEL = linear_model([[1]], [[1]], [[1]], [[1]], initial=given([0], [[1]]))
+
+
+def test_a_design_needs_a_name_and_a_model():
+    design = Design(name="level", model=MODEL)
+    assert design.algorithm == "conventional"
+    assert design.architecture == Architecture(interval=None, channels=1)
+    assert design.target.device == "ecp5-25k"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Design(name="a b", model=MODEL), "name: 'a b' is no name: use letters, digits and _"),
+        (lambda: Design(name="../x", model=MODEL), "name: '../x' is no name"),
+        (lambda: Design(name="module", model=MODEL), "name: 'module' is a word of Verilog"),
+        (lambda: Design(name=3, model=MODEL), "name: 3 is no name: write a string"),
+        (
+            lambda: Design(name="a", model=MODEL, algorithm="josef"),
+            "[algorithm] kind = 'josef' is unknown: did you mean 'joseph'?",
+        ),
+        (
+            lambda: Design(name="a", model=MODEL, numerics=FixedSpecification(scale=(1.0, 2.0))),
+            "[numerics] scale has 2 numbers: one for each of the 1 states",
+        ),
+        (lambda: Architecture(interval=0), "[architecture] interval = 0: an integer from 1 to 65536"),
+        (lambda: Architecture(channels=70000), "[architecture] channels = 70000: an integer from 1 to 65536"),
+        (lambda: Architecture(channels=True), "[architecture] channels = True"),
+        (lambda: Architecture(clock_mhz=-1.0), "[architecture] clock_mhz = -1"),
+        (lambda: Architecture(clock_mhz=np.nan), "[architecture] clock_mhz = nan"),
+        (lambda: Architecture(multiplier_blocks=-1), "[architecture] multiplier_blocks = -1"),
+        (lambda: Target(device=""), "[target] device = '': a device is a name like"),
+        (lambda: Target(grade=0), "[target] grade = 0"),
+        (lambda: Target(seeds=1000), "[target] seeds = 1000: an integer from 1 to 64"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_table_key_and_value(make, message):
+    with pytest.raises(DesignError) as caught:
+        make()
+    assert message in str(caught.value)
+
+
+def test_a_design_of_objects_needs_no_pydantic():
+    code = "import sys, kalmanhdl.design; raise SystemExit('pydantic' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,250 @@
+"""Design files: what they say, what they may not say, and the way back to text."""
+
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given as forall
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from kalmanhdl.arithmetic.division import LongDivision, TableNewton
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.design_file import dump, dumps, loads
+from kalmanhdl.errors import DesignError, ModelError, OutputError
+from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.motion import constant_velocity
+from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
+
+DESIGNS = Path(__file__).parents[1] / "designs"
+
+LEVEL = """
+name = "level"
+
+[model]
+kind = "linear"
+state = ["level"]
+measurement = ["gauge"]
+F = [[1]]
+H = [[1]]
+Q = [["q^2"]]
+R = [[4]]
+constants = { q = 0.5 }
+
+[model.initial]
+kind = "given"
+x = [0]
+P = [[100]]
+
+[numerics]
+gain = 10
+"""
+
+
+def assert_same(a, b):
+    """Equal to the last bit, arrays included."""
+    if is_dataclass(a):
+        assert type(a) is type(b)
+        for field in fields(a):
+            assert_same(getattr(a, field.name), getattr(b, field.name))
+    elif isinstance(a, np.ndarray):
+        np.testing.assert_array_equal(a, b)
+    else:
+        assert a == b
+
+
+@pytest.mark.parametrize("path", sorted(DESIGNS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_design_of_the_repository_loads_and_comes_back_from_its_text(path):
+    design = Design.load(path)
+    assert design.name == path.stem
+    assert_same(loads(dumps(design)), design)
+
+
+def test_a_file_says_the_same_as_objects():
+    model = linear_model(
+        *([[1]], [[1]], [[0.25]], [[4]]),
+        initial=given([0], [[100]]),
+        state_names=["level"],
+        measurement_names=["gauge"],
+    )
+    design = Design(name="level", model=model, numerics=FixedSpecification(classes={"gain": 10}))
+    assert_same(loads(LEVEL), design)
+
+
+def test_motion_models_are_reachable_from_files():
+    text = """
+        name = "plane"
+        [model]
+        kind = "constant_velocity"
+        axes = ["east", "north"]
+        T = "1/4"
+        noise = [1, "sqrt(4)"]
+        discretisation = "continuous"
+        R = { diagonal = [9, 9] }
+        [model.initial]
+        kind = "two_point"
+    """
+    model = loads(text).model
+    motion = constant_velocity(T=0.25, noise=[1, 2], axes=["east", "north"], discretisation="continuous")
+    np.testing.assert_array_equal(model.Q, motion.Q)
+    assert model.state_names == ("east", "east_rate", "north", "north_rate")
+    assert model.measurement_names == ("east_plot", "north_plot")
+    assert model.initial.points == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "spec"),
+    [
+        ("width = 20", FixedSpecification(width=20)),
+        ('width = "4*5"', FixedSpecification(width=20)),
+        ('state = "Q12.20"', FixedSpecification(classes={"state": Fixed(width=32, fraction=20)})),
+        (
+            "gain = { width = 9, fraction = 8, signed = false }",
+            FixedSpecification(classes={"gain": Fixed(width=9, fraction=8, signed=False)}),
+        ),
+        ('rounding = "half_even"', FixedSpecification(rounding=Rounding.HALF_EVEN)),
+        ('overflow = "wrap"', FixedSpecification(overflow=Overflow.WRAP)),
+        ('division = "radix4"', FixedSpecification(division=LongDivision(radix=4))),
+        (
+            "division = { table = 10, newton = 1 }",
+            FixedSpecification(division=TableNewton(index_bits=10, iterations=1)),
+        ),
+        ('scale = ["2^-3"]', FixedSpecification(scale=(0.125,))),
+        ("covariance_scale = 100", FixedSpecification(covariance_scale=100.0)),
+        ('signals = { "P[0,0]" = 30 }', FixedSpecification(signals={"P[0,0]": 30})),
+    ],
+)
+def test_formats_are_spelt(line, spec):
+    assert loads(LEVEL.replace("gain = 10", line)).numerics == spec
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gain = 10", "gian = 10", "line 20: [numerics] gian is an unknown key: did you mean 'gain'?"),
+        ("gain = 10", 'gain = "Q3"', "line 20: [numerics] gain: 'Q3' is no format: write a width like 16"),
+        ("gain = 10", "width = 5000", "line 20: [numerics] width = 5000: a width is an integer"),
+        ("gain = 10", 'rounding = "up"', "[numerics] rounding = 'up': write 'floor', 'half_up', 'half_even'"),
+        ("gain = 10", 'kind = "float"', "[numerics] kind = 'float' is unknown: only 'fixed' is valid"),
+        ("gain = 10", "scale = 3", "line 20: [numerics] scale: 3 is no list: write \"auto\" or"),
+        ("F = [[1]]", "F = [[nan]]", "line 8: [model] F[0][0]: nan is not finite: write a finite number"),
+        ("F = [[1]]", "F = [[true]]", "line 8: [model] F[0][0]: True is no number"),
+        ("F = [[1]]", "F = [[1, 2]]", "line 8: [model] F is 1 x 2: F is square"),
+        ("F = [[1]]\n", "", "line 4: [model] F is missing"),
+        ("R = [[4]]", "R = [[-4]]", "line 11: [model] R[0,0] = -4: a variance is greater than 0"),
+        ('"q^2"', '"r^2"', "line 10: [model] Q[0][0]: the name 'r' is unknown: valid are q, pi, e"),
+        ("q = 0.5", 'q = "q"', "line 12: [model.constants] q: the constants refer to each other in a cycle"),
+        ("q = 0.5", "pi = 3", "[model] constants: 'pi' has a meaning of its own in expressions"),
+        ('"given"', '"givn"', "line 15: [model.initial] kind = 'givn' is unknown: did you mean 'given'?"),
+        ("P = [[100]]", "P = [[1, 2], [3]]", "line 17: [model.initial] P[1] has 1 numbers but [0] has 2"),
+        ('"gauge"]', '"time"]', "line 7: [model] measurement: 'time' is a column of its own in data files"),
+        ('name = "level"', 'name = "wire"', "line 2: name: 'wire' is a word of Verilog"),
+        ('name = "level"', "", "name is missing"),
+        ('name = "level"', "name = ", "not TOML: Invalid value (at line 2"),
+    ],
+)
+def test_an_error_names_file_line_table_key_value_and_remedy(old, new, message):
+    assert old in LEVEL
+    with pytest.raises(DesignError) as caught:
+        loads(LEVEL.replace(old, new), "level.toml")
+    assert str(caught.value).startswith("level.toml")
+    assert message in str(caught.value)
+
+
+def test_an_error_in_the_model_is_a_model_error():
+    with pytest.raises(ModelError):
+        loads(LEVEL.replace("R = [[4]]", "R = [[-4]]"))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(DesignError, match=r"missing\.toml: cannot be read: No such file"):
+        Design.load(tmp_path / "missing.toml")
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"):
+        dump(loads(LEVEL), tmp_path / "nowhere" / "level.toml")
+
+
+floats = st.floats(-1e6, 1e6, allow_subnormal=False).map(lambda x: x + 0.0)
+positive = st.floats(1e-6, 1e6)
+forms = st.integers(1, 64) | st.builds(
+    Fixed, width=st.integers(1, 64), fraction=st.integers(-9, 99), signed=st.booleans()
+)
+
+
+@st.composite
+def models(draw):
+    n, m, p = draw(st.integers(1, 3)), draw(st.integers(1, 3)), draw(st.integers(0, 2))
+    chance = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    root_q, root_r = chance.normal(size=(n, n)), chance.normal(size=(m, m))
+    R = root_r @ root_r.T + np.eye(m)
+    if draw(st.booleans()):
+        motion = constant_velocity(T=draw(st.floats(0.1, 9)), noise=draw(positive), axes=m)
+        return linear_model(motion.F, motion.H, motion.Q, R, initial=two_point())
+    rows = st.lists(floats, min_size=n, max_size=n)
+    return linear_model(
+        np.eye(n) + np.diag(draw(rows)),
+        np.ones((m, n)),
+        root_q @ root_q.T,
+        R,
+        initial=given(draw(rows), np.diag(np.abs(draw(rows)))),
+        B=chance.normal(size=(n, p)),
+        offset=draw(rows),
+        state_units=["m/s"] * n,
+        measurement_range=[[-1, 1]] * m,
+    )
+
+
+@st.composite
+def designs(draw):
+    model = draw(models())
+    one_each = st.lists(positive, min_size=model.n, max_size=model.n).map(tuple)
+    numerics = FixedSpecification(
+        width=draw(st.integers(1, 1024)),
+        classes=draw(st.dictionaries(st.sampled_from(SIGNAL_CLASSES), forms)),
+        signals=draw(st.dictionaries(st.sampled_from(["x[0]", "P[0,1]", "K[1,0]"]), forms)),
+        rounding=draw(st.sampled_from(Rounding)),
+        overflow=draw(st.sampled_from(Overflow)),
+        scale=draw(st.just("auto") | one_each),
+        covariance_scale=draw(st.just("auto") | positive | one_each),
+        division=draw(
+            st.builds(LongDivision, radix=st.sampled_from([2, 4]))
+            | st.builds(TableNewton, index_bits=st.integers(1, 16), iterations=st.integers(0, 8))
+        ),
+    )
+    blocks = st.none() | st.integers(0, 99)
+    return Design(
+        name="drawn",
+        model=model,
+        algorithm=draw(st.sampled_from(["conventional", "joseph"])),
+        numerics=numerics,
+        architecture=Architecture(
+            interval=draw(st.none() | st.integers(1, 99)),
+            channels=draw(st.integers(1, 65536)),
+            clock_mhz=draw(st.none() | st.floats(1, 900)),
+            multiplier_blocks=draw(blocks),
+        ),
+        target=Target(device=draw(st.sampled_from(["ecp5-25k", 'odd "name" \\'])), grade=8, seeds=1),
+    )
+
+
+@pytest.mark.filterwarnings("ignore::kalmanhdl.validation.KalmanhdlWarning")
+@settings(max_examples=60, deadline=None)
+@forall(designs())
+def test_every_design_comes_back_from_its_text_to_the_last_bit(design):
+    assert_same(loads(dumps(design)), design)
+
+
+@pytest.mark.filterwarnings("ignore::kalmanhdl.validation.KalmanhdlWarning")
+def test_the_largest_model_comes_back_from_its_text(tmp_path):
+    chance = np.random.default_rng(0)
+    root = chance.normal(size=(64, 64))
+    Q = root @ root.T + np.eye(64)
+    model = linear_model(root / 10, chance.normal(size=(64, 64)), Q, Q, initial=given(np.zeros(64), Q))
+    design = Design(name="largest", model=model)
+    dump(design, tmp_path / "largest.toml")
+    assert_same(Design.load(tmp_path / "largest.toml"), design)
