@@ -13,6 +13,7 @@ from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.specification import FixedSpecification
 
 MODEL = linear_model([[1]], [[1]], [[1]], [[1]], initial=given([0], [[1]]))
+PAIR = linear_model(*[np.eye(2)] * 4, initial=given([0, 0], np.eye(2)))
 
 
 def test_a_design_needs_a_name_and_a_model():
@@ -36,6 +37,14 @@ def test_a_design_needs_a_name_and_a_model():
         (
             lambda: Design(name="a", model=MODEL, numerics=FixedSpecification(scale=(1.0, 2.0))),
             "[numerics] scale has 2 numbers: one for each of the 1 states",
+        ),
+        (
+            lambda: Design(name="a", model=MODEL, numerics=FixedSpecification(signals={"P[0,1]": 9})),
+            "[numerics.signals] P[0,1] is no element of P: P is 1 x 1, and indices begin at 0",
+        ),
+        (
+            lambda: Design(name="a", model=PAIR, numerics=FixedSpecification(signals={"P[1,0]": 9})),
+            "[numerics.signals] P[1,0] is below the diagonal: write P[0,1]",
         ),
         (lambda: Architecture(interval=0), "[architecture] interval = 0: an integer from 1 to 65536"),
         (lambda: Architecture(channels=70000), "[architecture] channels = 70000: an integer from 1 to 65536"),

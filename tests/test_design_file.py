@@ -206,7 +206,7 @@ def designs(draw):
     numerics = FixedSpecification(
         width=draw(st.integers(1, 1024)),
         classes=draw(st.dictionaries(st.sampled_from(SIGNAL_CLASSES), forms)),
-        signals=draw(st.dictionaries(st.sampled_from(["x[0]", "P[0,1]", "K[1,0]"]), forms)),
+        signals=draw(st.dictionaries(st.sampled_from(["x[0]", "P[0,0]", "K[0,0]"]), forms)),
         rounding=draw(st.sampled_from(Rounding)),
         overflow=draw(st.sampled_from(Overflow)),
         scale=draw(st.just("auto") | one_each),

@@ -1,6 +1,6 @@
 """Make autoferry_radar_target.csv: the plots of single boats out of all radar plots, beside their GNSS truth.
 
-    python designs/data/make_autoferry.py
+    python designs/data/make_autoferry.py [FILE, - for standard output]
 
 A target's plot of a scan is the plot nearest to the target's GNSS position, if it lies within GATE_M; a
 scan without one is a missed measurement. So the association is done with the truth, and only the
@@ -10,6 +10,7 @@ from north, unwrapped.
 """
 
 import csv
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -114,8 +115,12 @@ def main() -> None:
     table = [COLUMNS]
     for (scenario, target), truth in sorted(truths().items()):
         table += track_rows(f"scenario{scenario}_target{target}", all_scans[scenario], truth)
-    with (HERE / "autoferry_radar_target.csv").open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(table)
+    text = "".join(",".join(row) + "\n" for row in table)
+    path = sys.argv[1] if len(sys.argv) > 1 else str(HERE / "autoferry_radar_target.csv")
+    if path == "-":
+        sys.stdout.write(text)
+    else:
+        Path(path).write_text(text, newline="")
 
 
 if __name__ == "__main__":

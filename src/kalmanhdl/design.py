@@ -16,6 +16,7 @@ MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
 MAX_GRADE = 64
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Architecture:
     """How fast a step follows another, and for how many tracks.
@@ -53,7 +54,7 @@ class Target:
     def __post_init__(self) -> None:
         device = self.device
         if not isinstance(device, str) or not 0 < len(device) <= 64 or not device.isprintable():
-            problem = f" = {shown(device)}: a device is a name like \"ecp5-25k\""
+            problem = f' = {shown(device)}: a device is a name like "ecp5-25k"'
             raise InvalidValueError("target", "device", problem)
         _check_integer("target", "grade", self.grade, 1, MAX_GRADE)
         _check_integer("target", "seeds", self.seeds, 1, MAX_SEEDS)
@@ -84,6 +85,7 @@ class Design:
             hint = nearest(str(self.algorithm), ALGORITHMS)
             raise InvalidValueError("algorithm", "kind", f" = {shown(self.algorithm)} is unknown: {hint}")
         _check_scales(self.numerics, self.model.n)
+        _check_signals(self.numerics, self.model)
 
     @classmethod
     def load(cls, path: str | Path) -> "Design":
@@ -110,3 +112,22 @@ def _check_scales(numerics: FixedSpecification, n: int) -> None:
         if isinstance(scale, tuple) and len(scale) != n:
             problem = f" has {len(scale)} numbers: one for each of the {n} states"
             raise InvalidValueError("numerics", key, problem)
+
+
+def _check_signals(numerics: FixedSpecification, model: LinearModel) -> None:
+    """A format for an element that the model has not would be lost without a word."""
+    n, m, p = model.n, model.m, model.p
+    shapes = {"x": (n,), "z": (m,), "u": (p,), "y": (m,), "P": (n, n), "K": (n, m), "S": (m, m)}
+    for name in numerics.signals:
+        letter, _, inner = name.rstrip("]").partition("[")
+        index, shape = tuple(map(int, inner.split(","))), shapes.get(letter)
+        if shape is None:
+            continue
+        if len(index) != len(shape) or any(i >= size for i, size in zip(index, shape, strict=True)):
+            size = " x ".join(map(str, shape))
+            problem = f" is no element of {letter}: {letter} is {size}, and indices begin at 0"
+            raise InvalidValueError("numerics.signals", name, problem)
+        if letter in "PS" and index[0] > index[1]:
+            mirrored = f"{letter}[{index[1]},{index[0]}]"
+            problem = f" is below the diagonal: write {mirrored}, which is the same number"
+            raise InvalidValueError("numerics.signals", name, problem)

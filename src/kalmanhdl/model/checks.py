@@ -30,7 +30,7 @@ def fault(key: str, problem: str) -> InvalidModelValueError:
 
 
 def array(key: str, value: ArrayLike, shape: tuple[int | None, ...], rule: str) -> Array:
-    """A finite array of float64, writable by nobody, of a shape in which None is any size >= 1."""
+    """A finite, read-only array of float64 of a shape in which None is any size >= 1."""
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "iuf" and not (raw.dtype.kind == "O" and raw.size <= MAX_STATES**2):
@@ -146,7 +146,7 @@ def units(value: Sequence[str] | None, count: int) -> tuple[str, ...]:
         raise fault("unit", f" = {shown(value)}: give a list of {count}, one a state")
     for unit in value:
         if not isinstance(unit, str) or len(unit) > 16 or not unit.isprintable():
-            raise fault("unit", f": {shown(unit)} is no unit: a short printable string such as \"m/s\"")
+            raise fault("unit", f': {shown(unit)} is no unit: a short printable string such as "m/s"')
     return tuple(value)
 
 

@@ -96,7 +96,7 @@ def _motion(
     elif discretisation == "continuous":
         blocks = [q * density for q in numbers]
     else:
-        valid = ' or '.join(f'"{word}"' for word in DISCRETISATIONS)
+        valid = " or ".join(f'"{word}"' for word in DISCRETISATIONS)
         raise fault("discretisation", f" = {shown(discretisation)}: write {valid}")
     size = len(gain)
     identity: Array = np.eye(len(labels))

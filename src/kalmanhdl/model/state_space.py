@@ -164,7 +164,9 @@ def linear_model(
 
 def _control_matrix(B: ArrayLike | None, n: int) -> Array:
     if B is None or np.shape(B) == (n, 0):
-        return np.zeros((n, 0))
+        empty = np.zeros((n, 0))
+        empty.flags.writeable = False
+        return empty
     result = checks.array("B", B, (n, None), f"B is {n} x p, a row a state and a column a control")
     if result.shape[1] > checks.MAX_STATES:
         raise checks.fault("B", f" has {result.shape[1]} columns: at most {checks.MAX_STATES} controls")
@@ -184,9 +186,7 @@ def _checked_initial(start: Initial, n: int, m: int) -> Initial:
         from_measurement=checks.array(
             "initial.from_measurement", start.from_measurement, (n, m), f"from_measurement is {n} x {m}"
         ),
-        from_state=checks.array(
-            "initial.from_state", start.from_state, (n, n), f"from_state is {n} x {n}"
-        ),
+        from_state=checks.array("initial.from_state", start.from_state, (n, n), f"from_state is {n} x {n}"),
         P=checks.covariance("initial.P", P, definite=False),
         points=_checked_points(start.points),
         before_update=bool(start.before_update),

@@ -66,6 +66,8 @@ def plots_from_arrays(z: ArrayLike, model: LinearModel, u: ArrayLike | None = No
         DataError: a shape that does not suit the model, an infinite number, a control that is missing.
     """
     measured = _cube("z", z, model.m)
+    if u is None and model.p:
+        raise DataError(f"u is missing: the model has {model.p} control{'s' * (model.p > 1)}")
     controls = _cube("u", np.zeros((*measured.shape[:2], 0)) if u is None else u, model.p)
     if controls.shape[:2] != measured.shape[:2]:
         raise DataError(
@@ -165,7 +167,8 @@ def _csv(path: Path, name: str) -> _Table:
 def _parsed_csv(text: str, name: str) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     lines: list[int] = []
-    rows: list[list[str]] = []
+    # One flat list: a million small ones would keep the garbage collector busy for seconds.
+    cells: list[str] = []
     try:
         header = _header(next(reader, []), name)
         for row in reader:
@@ -176,16 +179,16 @@ def _parsed_csv(text: str, name: str) -> _Table:
             if len(row) != len(header):
                 problem = f"{len(row)} cells below a header of {len(header)}"
                 raise DataError(f"{name}, line {reader.line_num}: {problem}: give every row {len(header)}")
-            rows.append(row)
+            cells.extend(row)
             lines.append(reader.line_num)
-            if len(rows) > MAX_ROWS or len(rows) * len(header) > MAX_CELLS:
-                raise DataError(f"{name}: more than {len(rows) - 1} rows: split the file by tracks")
+            if len(lines) > MAX_ROWS or len(cells) > MAX_CELLS:
+                raise DataError(f"{name}: more than {len(lines) - 1} rows: split the file by tracks")
     except csv.Error as error:
         raise DataError(f"{name}, line {reader.line_num}: not CSV: {error}") from None
-    columns: dict[str, Sequence[object]] = dict.fromkeys(header, ())
-    if rows:
-        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
-    return _Table(name, columns, len(rows), lambda row: f"line {lines[row]}")
+    columns: dict[str, Sequence[object]] = {
+        column: cells[k :: len(header)] for k, column in enumerate(header)
+    }
+    return _Table(name, columns, len(lines), lambda row: f"line {lines[row]}")
 
 
 def _header(cells: list[str], name: str) -> list[str]:
