@@ -20,7 +20,7 @@ from fractions import Fraction
 from typing import Any, get_args
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, FormatError
 from kalmanhdl.graph.operations import Boolean, Graph, Number, Operation, operands
 
 _FORMAT = r"u?fixed\(\d+, fraction=-?\d+\)"
@@ -144,7 +144,7 @@ def _parse_line(number: int, line: str, index: int) -> tuple[Operation, str, str
     *words_found, note, origin = found.groups()
     try:
         values = [_FIELDS[f.name].read(word) for f, word in zip(fields(cls), words_found, strict=True)]
-    except (ValueError, ZeroDivisionError) as error:
+    except (ValueError, OverflowError, ZeroDivisionError, FormatError) as error:
         raise misread(number, line, f"a value that is one: {error}") from None
     operation = cls(*values)
     if any(k >= index for k in operands(operation)):
@@ -181,6 +181,11 @@ def _print_constant(value: Fraction) -> str:
     return repr(float(value)) if exact else f"{value.numerator}/{value.denominator}"
 
 
+def _parse_constant(text: str) -> Fraction:
+    # A float's shortest digits name the float, not the decimal.
+    return Fraction(text) if "/" in text else Fraction(float(text))
+
+
 @dataclass(frozen=True, slots=True)
 class _Field:
     """How a field of an operation is written and read."""
@@ -194,7 +199,7 @@ class _Field:
 _OPERAND = _Field(r"%\d+", "%0", lambda k: f"%{k}", lambda word: int(word[1:]))
 _FIELDS = {
     "name": _Field(_NAME, "x[0]", print_name, parse_name),
-    "value": _Field(r"[-+.\w/]+", "0.5", _print_constant, Fraction),
+    "value": _Field(r"[-+.\w/]+", "0.5", _print_constant, _parse_constant),
     "exponent": _Field(r"-?\d+", "-3", str, int),
     "form": _Field(_FORMAT, "fixed(16, fraction=8)", str, parse_format),
     "rounding": _Field(r"\w+", "half_up", lambda rounding: rounding.value, Rounding),
