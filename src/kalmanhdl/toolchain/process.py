@@ -19,7 +19,7 @@ from pathlib import Path
 from kalmanhdl.errors import ToolError
 from kalmanhdl.toolchain import cache
 
-_ERROR_LINE = re.compile(r"^ERROR\b|(^|\s)(fatal )?error:|undefined reference|^\w*Error: ", re.MULTILINE)
+_ERROR_LINE = re.compile(r"\bERROR:|(^|\s)(fatal )?error:|undefined reference|^\w*Error: ", re.MULTILINE)
 _POLL_SECONDS = 0.01
 _LOGS_KEPT = 50
 

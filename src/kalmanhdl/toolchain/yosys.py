@@ -97,5 +97,7 @@ def synthesise_ecp5(verilog: str, top: str) -> Netlist:
 def _count_cells(netlist: str, top: str) -> dict[str, int]:
     counts: dict[str, int] = {}
     for cell in json.loads(netlist)["modules"][top]["cells"].values():
-        counts[cell["type"]] = counts.get(cell["type"], 0) + 1
+        # Types that start with $ are notes such as $scopeinfo, no hardware.
+        if not cell["type"].startswith("$"):
+            counts[cell["type"]] = counts.get(cell["type"], 0) + 1
     return dict(sorted(counts.items()))
