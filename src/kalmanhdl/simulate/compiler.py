@@ -21,7 +21,15 @@ from kalmanhdl.errors import ToolError
 
 # Exact whatever the flags: no contraction into fused multiply-add, and signed integers wrap.
 _EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
-_FAST = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+# Selects are to stay selects: threaded into jumps, a loop makes no vectors.
+_FAST = (
+    "-O3",
+    "-march=native",
+    "-fopenmp-simd",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fno-thread-jumps",
+)
 
 
 def find_compiler() -> tuple[str, ...] | None:

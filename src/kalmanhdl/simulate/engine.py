@@ -29,7 +29,8 @@ class Trace:
     ``outputs[name]`` and ``states[name]`` have shape (steps, tracks), the states as they are after each
     step (empty if not recorded); ``final_state[name]`` has shape (tracks,). ``saturations[k]`` counts how
     often the rounded value of operation k did not fit its format, for every operation of which that is
-    possible. ``extremes[k]`` is what operation k really took, of a monitored run: inputs, states,
+    possible; ``violations[k]`` counts only the steps in which it mattered, for the quantised values of
+    ``TypedGraph.violations``. ``extremes[k]`` is what operation k really took, of a monitored run: inputs, states,
     outputs, quantised values and quotients. Steps that are not active count nowhere.
     """
 
@@ -37,6 +38,7 @@ class Trace:
     states: dict[str, Integers]
     final_state: dict[str, Integers]
     saturations: dict[int, int]
+    violations: dict[int, int]
     extremes: dict[int, Interval]
 
     @property
@@ -92,7 +94,8 @@ class Engine:
             outputs={p.name: whole(p, a) for p, a in zip(program.outputs, results.outputs, strict=True)},
             states={p.name: whole(p, a) for p, a in zip(program.states, results.records, strict=False)},
             final_state={p.name: whole(p, a) for p, a in zip(program.states, arrays.state, strict=True)},
-            saturations=dict(zip(program.counted, counts, strict=True)),
+            saturations=dict(zip(program.counted, counts, strict=False)),
+            violations=dict(zip(program.violations, counts[len(program.counted) :], strict=True)),
             extremes=extremes if monitor else {},
         )
 
@@ -123,7 +126,7 @@ def _pointers(arrays: Sequence[Integers]) -> ctypes.Array[ctypes.c_void_p]:
 def _run_compiled(
     program: Program, library: Path, arrays: Arrays, results: Results, monitor: bool
 ) -> tuple[list[int], dict[int, Interval]]:
-    counts = np.zeros(len(program.counted), np.int64)
+    counts = np.zeros(len(program.counted) + len(program.violations), np.int64)
     bounds = [empty(port, (1,)) for port in program.watched for _ in range(2)]
     function: Callable[..., int] = getattr(_loaded(library), f"{program.name}_run")
     seen = function(

@@ -6,7 +6,7 @@ import numpy as np
 
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.simulate.arrays import Arrays, Results
-from kalmanhdl.simulate.generate_c import Port, Program
+from kalmanhdl.simulate.generate_c import INITIALISE, Port, Program
 from kalmanhdl.simulate.interpreter import Step, interpret, next_state
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 
@@ -14,8 +14,8 @@ from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 def run_interpreted(
     typed: TypedGraph, program: Program, arrays: Arrays, results: Results
 ) -> tuple[list[int], dict[int, Interval]]:
-    """Fill the results. Returns how often each counted operation saturated, and all extremes."""
-    counts = dict.fromkeys(program.counted, 0)
+    """Fill the results. Returns the counts of saturations and violations, and all extremes."""
+    counts = [0] * (len(program.counted) + len(program.violations))
     extremes: dict[int, Interval] = {}
     for track in range(arrays.tracks):
         state = {p.name: _get(p, a, track) for p, a in zip(program.states, arrays.state, strict=True)}
@@ -24,12 +24,14 @@ def run_interpreted(
             if arrays.active is None or arrays.active[at]:
                 done = interpret(typed, _given(program, arrays, at), state)
                 state = next_state(typed, done.values)
-                _tally(program, done, counts, extremes)
+                _widen(program, done, extremes)
+                for n, hit in enumerate(_hits(typed, program, done)):
+                    counts[n] += hit
                 shown = (done.values[port.index] for port in program.outputs)
                 _put_all(program.outputs, results.outputs, at, shown)
             _put_all(program.states, results.records, at, state.values())
         _put_all(program.states, arrays.state, track, state.values())
-    return list(counts.values()), extremes
+    return counts, extremes
 
 
 _Place = int | tuple[int, int]
@@ -40,9 +42,15 @@ def _given(program: Program, arrays: Arrays, at: _Place) -> Mapping[str, int]:
     return {port.name: _get(port, array, at) for port, array in ports}
 
 
-def _tally(program: Program, done: Step, counts: dict[int, int], extremes: dict[int, Interval]) -> None:
-    for index in done.saturated:
-        counts[index] += 1
+def _hits(typed: TypedGraph, program: Program, done: Step) -> Iterable[bool]:
+    """Whether each counted operation saturated, then whether each violation matters."""
+    starts = any(done.values[port.index] for port in program.flags if port.name == INITIALISE)
+    yield from (index in done.saturated for index in program.counted)
+    for violation in typed.violations:
+        yield bool(done.values[violation.outside]) and (violation.starting if starts else violation.running)
+
+
+def _widen(program: Program, done: Step, extremes: dict[int, Interval]) -> None:
     for port in program.watched:
         value = done.values[port.index]
         before = extremes.get(port.index, Interval(low=value, high=value))

@@ -11,12 +11,16 @@ from importlib.resources import files
 
 from kalmanhdl.arithmetic.division import TableNewton, reciprocal_table
 from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal, State, StateFlag
-from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.numerics.typed import TypedGraph, Violation
+from kalmanhdl.simulate.expression import Flag as FlagText
 from kalmanhdl.simulate.expression import Kind, Value, Writer, signed_bits
 from kalmanhdl.simulate.lowering import Lowering, lower
 
 # A block's states, inputs and results stay in the first-level cache.
-BLOCK = 256
+BLOCK = 128
+
+# The flag of a step that starts a track.
+INITIALISE = "initialise"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,8 +43,9 @@ class Port:
 class Program:
     """The C of one graph, and the order in which its arrays are handed over.
 
-    ``counted`` are the operations that can leave their format, ``watched`` those whose extremes are
-    kept.
+    ``counted`` are the operations that can leave their format, ``violations`` the quantised ones of the
+    graph's violations, counted after those and only where they matter; ``watched`` are those whose
+    extremes are kept.
     """
 
     name: str
@@ -51,6 +56,7 @@ class Program:
     states: tuple[Port, ...]
     outputs: tuple[Port, ...]
     counted: tuple[int, ...]
+    violations: tuple[int, ...]
     watched: tuple[Port, ...]
 
 
@@ -99,6 +105,7 @@ def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
         states=states,
         outputs=outputs,
         counted=counted,
+        violations=tuple(v.quantise for v in typed.violations),
         watched=watched,
     )
 
@@ -169,11 +176,16 @@ def _step(parts: _Parts, next_states: list[str]) -> str:
     flags = dict.fromkeys(lowering.saturations[i].c for i in parts.counted)
     outputs = dict.fromkeys(f"out->x{p.index}[t] = {_signal_text(parts, p)};" for p in parts.outputs)
     body = "\n        ".join([*lowering.writer.lines, *next_states, *outputs])
+    # Inlined, the pointers would be restrict no longer; without the pragma gcc judges such a loop not
+    # worth its vectors. Either costs most of the speed.
+    simd = "#pragma omp simd reduction(|:any)" if parts.lanes > 1 else ""
     return f"""
+__attribute__((noinline))
 static int32_t {name}_step(int64_t groups, const {name}_in *restrict in, const {name}_state *restrict old,
                        {name}_state *restrict next, {name}_out *restrict out)
 {{
     int32_t any = 0;
+    {simd}
     for (int64_t t = 0; t < groups * {parts.lanes}; t++) {{
         const int32_t live = in->live[t];
         {body}
@@ -183,10 +195,21 @@ static int32_t {name}_step(int64_t groups, const {name}_in *restrict in, const {
 }}"""
 
 
+def _matters(parts: _Parts, violation: Violation) -> FlagText:
+    """The flag of a violation, under the commands where its value matters."""
+    lowering = parts.lowering
+    names = {port.name: port.index for port in parts.flags}
+    never = FlagText(lowering.writer, "", False)
+    starts = lowering.flag(names[INITIALISE]) if INITIALISE in names else never
+    matters = (starts if violation.starting else never) | (starts.negated() if violation.running else never)
+    return lowering.flag(violation.outside) & matters
+
+
 def _watch(parts: _Parts) -> str:
     lowering, name = parts.lowering, parts.name
-    lines = [*lowering.writer.lines]
-    lines += [f"counts[{n}] += {lowering.saturations[i].c};" for n, i in enumerate(parts.counted)]
+    hits = [lowering.saturations[i] for i in parts.counted]
+    hits += [_matters(parts, violation) for violation in lowering.typed.violations]
+    lines = [*lowering.writer.lines, *(f"counts[{n}] += {flag.c};" for n, flag in enumerate(hits))]
     for port in parts.watched:
         text = _signal_text(parts, port)
         low, high = f"e->low{port.index}", f"e->high{port.index}"
