@@ -80,6 +80,15 @@ def reciprocal_interval(divisor: Typed, form: Fixed, rounding: Rounding, method:
     return Interval(low=max(lowest - slack, 0), high=min(highest + slack, form.highest))
 
 
+def least_divisor(divisor: Fixed, form: Fixed, method: DivisionMethod) -> int:
+    """The least raw divisor whose reciprocal fits its format; the method may err upwards."""
+    limit = form.real(form.highest)
+    if not isinstance(method, LongDivision):
+        limit *= 1 - Fraction(1, 1 << method.index_bits)
+    exact = 1 / limit / divisor.resolution
+    return max(1, -(-exact.numerator // exact.denominator))
+
+
 def _known(typed: Typed | None) -> Typed:
     assert typed is not None, "an operand is a flag"
     return typed

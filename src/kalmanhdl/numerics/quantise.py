@@ -30,17 +30,19 @@ from kalmanhdl.graph.operations import (
     is_flag,
 )
 from kalmanhdl.graph.simplify import TERM
-from kalmanhdl.numerics.interval import Typed, reciprocal_interval, type_of
+from kalmanhdl.numerics.interval import Typed, least_divisor, reciprocal_interval, type_of
 from kalmanhdl.numerics.ranges import Ranges, cone
 from kalmanhdl.numerics.signals import SignalName, signal_of
 from kalmanhdl.numerics.signed_digits import canonical_signed_digits
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph, Violation
 
+_TINY = 2.0**-64
 # An operand of a constant multiplication may be this many bits wider than its format before it is rounded.
 _GUARD = 4
 # How far beyond the values that were observed a format reaches, per class.
-_MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 1.5, "product": 1.5, "nis": 2.0, "control": 1.5}
+# Innovations of real sensors, with their outliers and biases, go far beyond those of the model.
+_MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
 
 
 def quantise(
@@ -100,9 +102,9 @@ class _Lowering:
             case Shift(a, exponent):
                 return builder.shift(self.own(a), exponent)
             case Reciprocal(a):
-                return self._division(index, Reciprocal(self._divisor(a)))
+                return self._reciprocal(self._divisor(a), max(self.ranges.low[a], _TINY))
             case Divide(a, b):
-                return self._division(index, Divide(self.narrow(a), self._divisor(b)))
+                return self._quotient(index, a, b)
             case Select(flag, a, b):
                 return builder.select(self.exact[flag], *self._addends(a, b))
             case _:
@@ -141,8 +143,10 @@ class _Lowering:
         exact = self.exact[index]
         if self.builder.value(exact) is not None:
             return exact
+        if isinstance(self.graph.operations[index], Reciprocal):
+            return exact
         signal = self._signal(index)
-        return self._fitted(exact, self._form(index, signal))
+        return self._fitted(exact, signal, self._form(index, signal))
 
     def _near(self, index: int) -> int:
         """An operand of a constant multiplication: exact while it is not much wider than its format."""
@@ -154,7 +158,7 @@ class _Lowering:
         """A divisor in its format, which has no sign."""
         signal = self._signal(index)
         form = self._form(index, signal, unsigned=True)
-        return self._fitted(self.own(index), form)
+        return self._fitted(self.own(index), signal, form)
 
     def _addends(self, a: int, b: int) -> tuple[int, int]:
         """Operands of a sum or choice; a constant keeps few bits below the last one of the other."""
@@ -195,15 +199,29 @@ class _Lowering:
             return p, self.builder.add(x, y)
         return 1, self.builder.subtract(x, y) if p > 0 else self.builder.subtract(y, x)
 
-    def _division(self, index: int, operation: Reciprocal | Divide) -> int:
-        made = self.builder.intern(operation)
+    def _quotient(self, index: int, a: int, b: int) -> int:
+        """A quotient whose divisor may come near zero goes by the reciprocal, which is watched."""
+        divisor = self._divisor(b)
+        if self.type(divisor)[1].low <= 0:
+            reciprocal = self._reciprocal(divisor, max(abs(self.ranges.low[b]), _TINY))
+            return self.builder.multiply(self.narrow(a), reciprocal)
+        made = self.builder.intern(Divide(self.narrow(a), divisor))
+        self.given.setdefault(made, self._form(index, self._signal(index)))
+        return made
+
+    def _reciprocal(self, divisor: int, least: float) -> int:
+        """A reciprocal that fits its format for every divisor, or for those seen and half of the least."""
+        made = self.builder.intern(Reciprocal(divisor))
         if made not in self.given:
-            signal = SignalName(
-                name=self.graph.origins[index], signal_class="reciprocal", unsigned=True, own_format=True
-            )
-            if isinstance(operation, Divide):
-                signal = self._signal(index)
-            self.given[made] = self._form(index, signal)
+            wanted = self.specification.form("reciprocal")
+            form, interval = self.type(divisor)
+            if interval.low > 0:
+                least = float(form.real(interval.low))
+            if isinstance(wanted, Fixed):
+                self.given[made] = _unsigned(wanted) if wanted.signed else wanted
+            else:
+                integer = math.floor(math.log2(1 / least)) + (1 if interval.low > 0 else 2)
+                self.given[made] = Fixed(width=wanted, fraction=wanted - integer, signed=False)
         return made
 
     def _constant_width(self) -> int:
@@ -225,11 +243,17 @@ class _Lowering:
         integer = math.frexp(greatest)[1] if greatest else 0
         return Fixed(width=wanted, fraction=wanted - integer - signed, signed=signed)
 
-    def _fitted(self, index: int, form: Fixed) -> int:
-        """The value in the format; itself where it is always inside and needs no rounding."""
+    def _fitted(self, index: int, signal: SignalName, form: Fixed) -> int:
+        """The value in the format; itself where it is always inside and needs no rounding.
+
+        Where the exact value has fewer fraction bits, a chosen format reaches further up instead, and a
+        whole format that the design gives keeps its limits.
+        """
         exact, interval = self.type(index)
         if exact.fraction < form.fraction:
-            width = max(1, form.width - (form.fraction - exact.fraction))
+            spare = form.fraction - exact.fraction
+            whole = isinstance(self.specification.form(signal.signal_class, signal.name), Fixed)
+            width = max(1, form.width - spare) if whole else form.width
             form = Fixed(width=width, fraction=exact.fraction, signed=form.signed)
         if exact.fraction == form.fraction and form.lowest <= interval.low and interval.high <= form.highest:
             return index
@@ -316,9 +340,9 @@ class _Lowering:
         view = Graph(tuple(builder.operations), tuple(builder.origins), tuple(states), tuple(outputs))
         starting, running = cone(view, initialise=True), cone(view, initialise=False)
         found = []
-        for index, operation in enumerate(view.operations):
-            if isinstance(operation, Quantise) and index in starting | running and self._can_leave(operation):
-                outside = builder.intern(Outside(operation.a, operation.form, operation.rounding))
+        for index in sorted(starting | running):
+            outside = self._outside(index, view.operations[index])
+            if outside is not None:
                 builder.name(outside, f"outside: {builder.origins[index]}")
                 found.append(
                     Violation(
@@ -326,6 +350,27 @@ class _Lowering:
                     )
                 )
         return found
+
+    def _outside(self, index: int, operation: Operation) -> int | None:
+        """The flag that a value does not fit its format, None where it always does."""
+        if isinstance(operation, Quantise) and self._can_leave(operation):
+            return self.builder.intern(Outside(operation.a, operation.form, operation.rounding))
+        if isinstance(operation, Reciprocal):
+            return self._below_least(operation.a, self.given[index])
+        return None
+
+    def _below_least(self, divisor: int, form: Fixed) -> int | None:
+        """The flag that a divisor is so small that its reciprocal leaves the format."""
+        divisor_form, interval = self.type(divisor)
+        least = least_divisor(divisor_form, form, self.specification.division)
+        if interval.low >= least:
+            return None
+        shortfall = self.builder.intern(
+            Subtract(divisor, self.builder.intern(Constant(divisor_form.real(least))))
+        )
+        exact, _ = self.type(shortfall)
+        never_negative = Fixed(width=exact.width, fraction=exact.fraction, signed=False)
+        return self.builder.intern(Outside(shortfall, never_negative, self.specification.rounding))
 
     def _can_leave(self, operation: Quantise) -> bool:
         exact, interval = self.type(operation.a)

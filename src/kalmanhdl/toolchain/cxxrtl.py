@@ -18,6 +18,8 @@ from kalmanhdl.toolchain.yosys import run_script
 from kalmanhdl.toolchain.yowasp import YOSYS, version
 
 _OPTIONS = ("-std=c++17", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
+# CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
+_SPLIT = ("proc", "flatten", "opt_clean", "splitnets -driver", "opt_clean")
 _REMEDY = "install a C++ compiler (g++ or clang++), name one in CXX, or install the package ziglang"
 
 
@@ -36,11 +38,28 @@ class Stream:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """Wires of the top module that are recorded in every cycle in which the wire ``enable`` is high."""
+
+    enable: str
+    wires: tuple[tuple[str, int], ...]
+
+    @property
+    def words(self) -> int:
+        """64-bit words of one record: every wire starts a new word, low word first."""
+        return sum(-(-width // 64) for _, width in self.wires)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Border:
-    """Where a stream design meets the world: its clock, its reset, one stream in and one stream out."""
+    """Where a stream design meets the world: its clock, its reset, one stream in and one stream out.
+
+    ``watches`` are looks inside it; the wires must be kept by an attribute ``keep``.
+    """
 
     source: Stream
     sink: Stream
+    watches: tuple[Watch, ...] = ()
     clock: str = "clk"
     reset: str = "rst"
 
@@ -65,11 +84,11 @@ def build_library(verilog: str, top: str, border: Border) -> Path:
     compiler = find_compiler()
     ports = _ports_header(top, border)
     harness = files(__package__).joinpath("stream_harness.cc").read_text()
-    parts = (version(YOSYS), *compiler.command, *_OPTIONS, sys.platform, verilog, top, ports, harness)
+    parts = (version(YOSYS), *compiler.command, *_OPTIONS, *_SPLIT, sys.platform, verilog, top, ports, harness)
 
     def make(folder: Path) -> None:
         design = run_script(
-            ("read_verilog design.v", f"hierarchy -check -top {top}", "write_cxxrtl -g0 design.cc"),
+            ("read_verilog design.v", f"hierarchy -check -top {top}", *_SPLIT, "write_cxxrtl -g0 design.cc"),
             {"design.v": verilog},
             "design.cc",
         )
@@ -104,6 +123,7 @@ def _ports_header(top: str, border: Border) -> str:
     lines += [f"#define IN_WORDS {source.words}", f"#define OUT_WORDS {sink.words}"]
     lines += ["#define PUT_INPUTS(top, words)" + _calls("put", source.payload)]
     lines += ["#define GET_OUTPUTS(top, words)" + _calls("get", sink.payload)]
+    lines += ["#define WATCH(top, watched)" + "".join(map(_watch, range(len(border.watches)), border.watches))]
     return "\n".join(lines) + "\n"
 
 
@@ -113,6 +133,11 @@ def _calls(function: str, ports: Sequence[tuple[str, int]]) -> str:
         calls += f" {function}<{width}>(top.{_mangle(name)}, words + {word});"
         word += -(-width // 64)
     return calls
+
+
+def _watch(number: int, watch: Watch) -> str:
+    body = _calls("get", watch.wires)
+    return f" if (uint64_t *words = watched[{number}].next(bit(top.{_mangle(watch.enable)}))) {{{body} }}"
 
 
 def _mangle(name: str) -> str:

@@ -37,6 +37,19 @@ class Trace:
     accepted_at: Cycles
     produced_at: Cycles
     cycles: int
+    # The records of every watch of the border, [record, word].
+    watched: tuple[Words, ...]
+
+
+class _Watched(ctypes.Structure):
+    """As the harness has it: a buffer of records, and how many are in it."""
+
+    _fields_ = (
+        ("records", ctypes.c_void_p),
+        ("words", ctypes.c_int64),
+        ("room", ctypes.c_int64),
+        ("count", ctypes.c_int64),
+    )
 
 
 class Simulation:
@@ -70,6 +83,7 @@ class Simulation:
     ) -> Trace:
         """Send ``tokens[n, words]`` and wait for ``out_count`` tokens.
 
+        A watch keeps at most one record a token.
         A port of more than 64 bits takes several words, low word first; every port starts a new word.
         Raises VerificationError where nothing moves for ``patience`` cycles.
         """
@@ -79,6 +93,11 @@ class Simulation:
         outputs = np.zeros((out_count, sink.words), np.uint64)
         accepted_at, produced_at = np.zeros(len(tokens), np.int64), np.zeros(out_count, np.int64)
         counts = np.zeros(3, np.int64)
+        watches = self._border.watches
+        records = [np.zeros((len(tokens), watch.words), np.uint64) for watch in watches]
+        watched = (_Watched * max(1, len(watches)))(
+            *(_Watched(r.ctypes.data, r.shape[1], len(r), 0) for r in records)
+        )
         self._stall(stalls or Stalls())
         status = _MORE
         while status == _MORE:
@@ -90,11 +109,17 @@ class Simulation:
                     _pointer(outputs),
                     ctypes.c_int64(out_count),
                 ),
-                *(_pointer(accepted_at), _pointer(produced_at), _pointer(counts)),
+                *(_pointer(accepted_at), _pointer(produced_at), _pointer(counts), watched),
                 *(ctypes.c_int64(_SLICE), ctypes.c_int64(patience)),
             )
         _check(status, counts, len(tokens), out_count, patience)
-        return Trace(outputs=outputs, accepted_at=accepted_at, produced_at=produced_at, cycles=int(counts[2]))
+        return Trace(
+            outputs=outputs,
+            accepted_at=accepted_at,
+            produced_at=produced_at,
+            cycles=int(counts[2]),
+            watched=tuple(r[: w.count] for r, w in zip(records, watched, strict=False)),
+        )
 
     def _stall(self, stalls: Stalls) -> None:
         words = [ctypes.c_uint64(min(int(p * 2.0**64), 2**64 - 1)) for p in (stalls.source, stalls.sink)]

@@ -47,6 +47,16 @@ struct Simulator {
     int64_t cycle = 0;
 };
 
+// A buffer of records of wires inside the design.
+struct Watched {
+    uint64_t *records;
+    int64_t words, room, count;
+    uint64_t *next(bool enable) {
+        if (!enable) return nullptr;
+        return count < room ? records + words * count++ : (count++, nullptr);
+    }
+};
+
 enum Status { DONE, MORE, STUCK, UNSETTLED };
 
 // The clock stays high and only looks as if it had been low: one evaluation a cycle, in which the
@@ -84,7 +94,7 @@ EXPORT void simulator_stall(Simulator *simulator, uint64_t seed, uint64_t source
 // has moved for `patience` cycles. `counts` = {accepted, produced, cycle}, kept from call to call.
 EXPORT int simulator_run(Simulator *simulator, const uint64_t *in, int64_t tokens, uint64_t *out,
                          int64_t results, int64_t *accepted_at, int64_t *produced_at, int64_t *counts,
-                         int64_t budget, int64_t patience) {
+                         Watched *watched, int64_t budget, int64_t patience) {
     Design &top = simulator->top;
     int64_t accepted = counts[0], produced = counts[1], idle = simulator->idle;
     bool offering = simulator->offering;
@@ -101,6 +111,7 @@ EXPORT int simulator_run(Simulator *simulator, const uint64_t *in, int64_t token
         top.IN_VALID.data[0] = offering;
         top.OUT_READY.data[0] = taking;
         if (!evaluate(top)) { status = UNSETTLED; break; }
+        WATCH(top, watched)
         bool moved = false;
         if (offering && bit(top.IN_READY)) {
             accepted_at[accepted++] = simulator->cycle;

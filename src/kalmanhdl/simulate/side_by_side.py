@@ -1,0 +1,141 @@
+"""Float reference and bit-exact engine on the same data."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kalmanhdl.algorithm.step import Update
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import Input
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.integers import Numbers
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.simulate.commands import Command, commands, started
+from kalmanhdl.simulate.data import Plots
+from kalmanhdl.simulate.engine import Engine, Trace
+from kalmanhdl.simulate.limbs import Integers
+from kalmanhdl.simulate.reference import Estimates, reference
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stimulus:
+    """What the hardware is fed: raw integers and flags by name, each (steps, tracks), and the commands.
+
+    ``clipped`` counts the measurements and controls that lay outside their format and were clamped.
+    """
+
+    commands: NDArray[np.int8]
+    inputs: dict[str, Integers]
+    flags: dict[str, NDArray[np.bool_]]
+    clipped: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation:
+    """Reference and engine side by side; ``valid`` (steps, tracks) tells where there is an estimate."""
+
+    plots: Plots
+    stimulus: Stimulus
+    valid: NDArray[np.bool_]
+    reference: Estimates
+    exact: Estimates
+    trace: Trace
+
+    @property
+    def saturations(self) -> int:
+        """How often a value that matters did not fit its format."""
+        return sum(self.trace.saturations.values())
+
+
+def simulate(model: LinearModel, update: Update, numbers: Numbers, plots: Plots) -> Simulation:
+    """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
+    stimulus = stimulus_of(model, numbers.typed, plots)
+    given = stimulus.commands
+    trace = Engine.of(numbers.typed).run(
+        stimulus.inputs, stimulus.flags, active=given != Command.NONE, monitor=True
+    )
+    valid = started(model, given)
+    return Simulation(
+        plots=plots,
+        stimulus=stimulus,
+        valid=valid,
+        reference=_only(reference(model, update, given, plots.z, plots.u), valid),
+        exact=_only(_estimates(model, numbers.typed, trace), valid),
+        trace=trace,
+    )
+
+
+def stimulus_of(model: LinearModel, typed: TypedGraph, plots: Plots) -> Stimulus:
+    """Plots as the hardware takes them, rounded to the nearest raw integer of their formats."""
+    given = commands(model, plots.z, plots.active)
+    values = {f"z[{j}]": plots.z[..., j] for j in range(model.m)}
+    values |= {f"u[{k}]": plots.u[..., k] for k in range(model.p)}
+    inputs, clipped = {}, 0
+    for index, operation in enumerate(typed.graph.operations):
+        if isinstance(operation, Input):
+            form = typed.formats[index]
+            assert form is not None
+            real = np.nan_to_num(values[operation.name]) / typed.scales[operation.name]
+            inputs[operation.name], outside = raw(real, form)
+            clipped += int(np.count_nonzero(outside & (given != Command.NONE)))
+    flags = {f"valid[{j}]": ~np.isnan(plots.z[..., j]) & (given != Command.PREDICT) for j in range(model.m)}
+    flags["initialise"] = given == Command.INITIALISE
+    return Stimulus(commands=given, inputs=inputs, flags=flags, clipped=clipped)
+
+
+def raw(real: Array, form: Fixed) -> tuple[Integers, NDArray[np.bool_]]:
+    """The nearest raw integers, ties to even, clamped to the format, and where they had to be clamped."""
+    if form.width > 52:
+        exact = np.vectorize(form.nearest, otypes=[object])(real)
+        return exact, np.asarray((exact == form.lowest) | (exact == form.highest))
+    nearest = np.rint(np.ldexp(real, form.fraction))
+    outside = (nearest < form.lowest) | (nearest > form.highest)
+    return np.clip(nearest, form.lowest, form.highest).astype(np.int64), outside
+
+
+def real(raws: Integers, form: Fixed, scale: float) -> Array:
+    """Raw integers as real values in the model's units."""
+    return np.ldexp(np.asarray(raws, np.float64), -form.fraction) * scale
+
+
+def _estimates(model: LinearModel, typed: TypedGraph, trace: Trace) -> Estimates:
+    roots = {**dict(typed.graph.states), **dict(typed.graph.outputs)}
+
+    def values(name: str, raws: Integers) -> Array:
+        form = typed.formats[roots[name]]
+        assert form is not None
+        return real(raws, form, typed.scales[name])
+
+    shape = trace.outputs["nis"].shape
+    P = np.zeros((*shape, model.n, model.n))
+    for i, j in zip(*np.triu_indices(model.n), strict=True):
+        name = f"P[{i},{j}]"
+        found = trace.states.get(name, trace.outputs.get(name))
+        if found is not None:
+            P[..., i, j] = P[..., j, i] = values(name, found)
+    x = [values(f"x[{i}]", trace.outputs[f"x[{i}]"]) for i in range(model.n)]
+    y = [values(f"innovation[{j}]", trace.outputs[f"innovation[{j}]"]) for j in range(model.m)]
+    return Estimates(
+        x=np.stack(x, axis=-1),
+        P=P,
+        innovation=np.stack(y, axis=-1),
+        nis=values("nis", trace.outputs["nis"]),
+    )
+
+
+def _only(estimates: Estimates, valid: NDArray[np.bool_]) -> Estimates:
+    """The estimates where there are any, NaN elsewhere."""
+
+    def masked(array: Array) -> Array:
+        mask = valid.reshape(valid.shape + (1,) * (array.ndim - valid.ndim))
+        return np.where(mask, array, np.nan)
+
+    return Estimates(
+        x=masked(estimates.x),
+        P=masked(estimates.P),
+        innovation=masked(estimates.innovation),
+        nis=masked(estimates.nis),
+    )

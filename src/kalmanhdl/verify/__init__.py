@@ -1,0 +1,1 @@
+"""The Verilog that the user gets, held against the bit-exact engine."""
