@@ -129,7 +129,7 @@ def test_formats_are_spelt(line, spec):
         ("gain = 10", "width = 5000", "line 20: [numerics] width = 5000: a width is an integer"),
         ("gain = 10", 'rounding = "up"', "[numerics] rounding = 'up': write 'floor', 'half_up', 'half_even'"),
         ("gain = 10", 'kind = "float"', "[numerics] kind = 'float' is unknown: only 'fixed' is valid"),
-        ("gain = 10", "scale = 3", "line 20: [numerics] scale: 3 is no list: write \"auto\" or"),
+        ("gain = 10", "scale = 3", 'line 20: [numerics] scale: 3 is no list: write "auto" or'),
         ("F = [[1]]", "F = [[nan]]", "line 8: [model] F[0][0]: nan is not finite: write a finite number"),
         ("F = [[1]]", "F = [[true]]", "line 8: [model] F[0][0]: True is no number"),
         ("F = [[1]]", "F = [[1, 2]]", "line 8: [model] F is 1 x 2: F is square"),

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
-
-ALGORITHMS = ("conventional", "joseph")
 
 MAX_INTERVAL = 65536
 MAX_CHANNELS = 65536
@@ -81,7 +80,7 @@ class Design:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
-        if self.algorithm not in ALGORITHMS:
+        if not isinstance(self.algorithm, str) or self.algorithm not in ALGORITHMS:
             hint = nearest(str(self.algorithm), ALGORITHMS)
             raise InvalidValueError("algorithm", "kind", f" = {shown(self.algorithm)} is unknown: {hint}")
         _check_scales(self.numerics, self.model.n)
