@@ -219,11 +219,15 @@ def _in_states(
 
 def _difference(signal: str, seen: Integers, expected: Integers, steps: Steps) -> Mismatch | None:
     wanted = expected[steps.order]
-    if wanted.dtype == bool:
-        wanted = wanted.astype(np.int64)
+    tracks = steps.order % steps.commands.shape[1]
+    return _unequal(signal, seen, wanted.astype(np.int64) if wanted.dtype == bool else wanted, tracks)
+
+
+def _unequal(signal: str, seen: Integers, wanted: Integers, tracks: Integers) -> Mismatch | None:
     unequal = np.flatnonzero(seen != wanted)
     if not len(unequal):
         return None
     at = int(unequal[0])
-    track = int(steps.order[at] % steps.commands.shape[1])
-    return Mismatch(step=at, track=track, signal=signal, verilog=int(seen[at]), engine=int(wanted[at]))
+    return Mismatch(
+        step=at, track=int(tracks[at]), signal=signal, verilog=int(seen[at]), engine=int(wanted[at])
+    )

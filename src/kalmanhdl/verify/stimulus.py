@@ -1,6 +1,6 @@
 """Steps for the hardware: which track, which command, which raw numbers, in which order."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +38,29 @@ class Steps:
         return np.asarray(self.commands != Command.NONE)
 
 
-def from_plots(model: LinearModel, typed: TypedGraph, plots: Plots) -> Steps:
-    """The steps of real data, row by row."""
-    stimulus = stimulus_of(model, typed, plots)
+def from_plots(model: LinearModel, typed: TypedGraph, plots: Plots, channels: int) -> Steps:
+    """The steps of data, row by row; ``channels`` are as many as the data's tracks, or more."""
+    stimulus = stimulus_of(model, typed, _padded(plots, channels))
     active = stimulus.commands != Command.NONE
     return Steps(
         commands=stimulus.commands,
         inputs=stimulus.inputs,
         flags=stimulus.flags,
         order=np.flatnonzero(active.ravel()),
+    )
+
+
+def _padded(plots: Plots, channels: int) -> Plots:
+    """Plots of as many tracks as the hardware has; those added have no step."""
+    missing = [(0, 0), (0, channels - len(plots.tracks)), (0, 0)]
+    return replace(
+        plots,
+        tracks=tuple(map(str, range(channels))),
+        z=np.pad(plots.z, missing),
+        u=np.pad(plots.u, missing),
+        active=np.pad(plots.active, missing[:2]),
+        time=None,
+        truth=None,
     )
 
 
@@ -70,7 +84,7 @@ def from_model(model: LinearModel, typed: TypedGraph, count: int, channels: int,
         time=None,
         truth=None,
     )
-    steps = from_plots(model, typed, plots)
+    steps = from_plots(model, typed, plots, channels)
     acts = arranged(given[..., None].astype(float))[..., 0].astype(np.int8)
     flags = {**steps.flags, "initialise": acts == Command.INITIALISE}
     order = np.arange(rows * channels)[:count]

@@ -1,0 +1,182 @@
+"""The whole line: each stage is a function from the values before it to its own."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.design import Design
+from kalmanhdl.errors import ScheduleError
+from kalmanhdl.numerics.integers import Numbers, numbers
+from kalmanhdl.rtl.interface import Interface, interface
+from kalmanhdl.schedule.checker import problems
+from kalmanhdl.schedule.modulo import schedule
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.simulate.data import Plots
+from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import simulate as run_side_by_side
+from kalmanhdl.target import device
+from kalmanhdl.toolchain.area import AreaFigures
+from kalmanhdl.toolchain.nextpnr import Implementation
+from kalmanhdl.toolchain.simulation import Stalls
+from kalmanhdl.verify.compare import Verification
+
+Progress = Callable[[str], None]
+
+# The papers' families, for synthesis figures beside theirs.
+AREA_FAMILIES = ("xc4v", "xc5v", "xc6v", "lut4")
+# How often either side of the streams pauses while the Verilog is verified.
+_STALLS = 0.25
+
+
+def silent(_: str) -> None:
+    """Progress that nobody follows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hardware:
+    """A design down to its Verilog, and the seconds that its stages took."""
+
+    design: Design
+    numbers: Numbers
+    plan: Plan
+    interface: Interface
+    verilog: str
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def compile_design(design: Design, progress: Progress = silent) -> Hardware:
+    """Model, algorithm, graph, numerics, schedule, RTL.
+
+    Raises:
+        FormatError, ScheduleError, ToolError: see the stages.
+    """
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
+        typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
+    with _timed(seconds, "schedule", progress, "scheduling"):
+        plan = planned(design, typed)
+    with _timed(seconds, "rtl", progress, "writing Verilog"):
+        verilog = verilog_of(design, plan, typed)
+    return Hardware(
+        design=design,
+        numbers=typed,
+        plan=plan,
+        interface=interface(plan),
+        verilog=verilog,
+        seconds=seconds,
+    )
+
+
+def planned(design: Design, typed: Numbers) -> Plan:
+    """The schedule of a design, checked by code that does not share a line with the scheduler."""
+    wanted = design.architecture
+    part = device(design.target.device, design.target.grade)
+    plan = schedule(
+        typed.typed, part, wanted.interval, wanted.channels, wanted.clock_mhz, wanted.multiplier_blocks
+    )
+    found = problems(plan, part)
+    if found:
+        raise ScheduleError(f"{design.name}: the schedule is wrong: {found[0]}")
+    return plan
+
+
+def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
+    """The Verilog of a plan, as the user gets it."""
+    # Amaranth takes a third of a second to import; who only simulates does not need it.
+    from kalmanhdl.rtl.filter import Filter
+    from kalmanhdl.rtl.verilog import header, to_rtlil
+    from kalmanhdl.toolchain.yosys import rtlil_to_verilog
+
+    rtlil = to_rtlil(Filter(plan), design.name)
+    return rtlil_to_verilog(rtlil, design.name, header(plan, design.name))
+
+
+def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simulation:
+    """Float reference and bit-exact engine side by side on data."""
+    update = ALGORITHMS[design.algorithm]
+    typed = typed or numbers(design.model, update, design.numerics)
+    return run_side_by_side(design.model, update, typed, plots)
+
+
+def verify(
+    hardware: Hardware,
+    steps: int,
+    plots: Plots | None = None,
+    seed: int = 1,
+    progress: Progress = silent,
+) -> tuple[Verification, ...]:
+    """The Verilog against the engine: on data, on tracks drawn from the model, on raw numbers at random.
+
+    ``steps`` are split between the latter two, which also stall both streams. Raises VerificationError
+    at the first bit that differs.
+    """
+    from kalmanhdl.verify.compare import verify as run
+    from kalmanhdl.verify.stimulus import from_model, from_plots, random_steps
+
+    model, typed, channels = hardware.design.model, hardware.numbers.typed, hardware.plan.channels
+    half = max(1, steps // 2)
+    progress(f"verifying {steps} steps, Verilog against engine")
+    runs = [
+        ("model", from_model(model, typed, half, channels, seed), Stalls()),
+        (
+            "random",
+            random_steps(typed, half, channels, seed + 1),
+            Stalls(seed=seed, source=_STALLS, sink=_STALLS),
+        ),
+    ]
+    if plots is not None and len(plots.tracks) <= channels:
+        runs.insert(0, ("data", from_plots(model, typed, plots, channels), Stalls()))
+    design = hardware.design
+    return tuple(
+        run(hardware.verilog, design.name, hardware.interface, typed, given, stimulus=name, stalls=stalls)
+        for name, given, stalls in runs
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Implemented:
+    """Every placement that was tried, the best first, and the clock that was asked for."""
+
+    placements: tuple[Implementation, ...]
+    seconds: dict[str, float]
+
+    @property
+    def best(self) -> Implementation:
+        """The fastest placement."""
+        return self.placements[0]
+
+
+def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
+    """Synthesis, then place and route with every seed. Raises ToolError."""
+    from kalmanhdl.toolchain.nextpnr import best, place_and_route
+    from kalmanhdl.toolchain.yosys import synthesise_ecp5
+
+    design, seconds = hardware.design, dict[str, float]()
+    part = device(design.target.device, design.target.grade)
+    with _timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
+        netlist = synthesise_ecp5(hardware.verilog, design.name)
+    wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns
+    seeds = range(1, design.target.seeds + 1)
+    with _timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):
+        placed = place_and_route(netlist, part, seeds, wanted)
+    first = best(placed)
+    rest = tuple(one for one in placed if one is not first)
+    return Implemented(placements=(first, *rest), seconds=seconds)
+
+
+def areas(hardware: Hardware, progress: Progress = silent) -> tuple[AreaFigures, ...]:
+    """Synthesis figures on the papers' families."""
+    from kalmanhdl.toolchain.area import area
+
+    progress("synthesising for the papers' families")
+    return tuple(area(hardware.verilog, hardware.design.name, family) for family in AREA_FAMILIES)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str, progress: Progress, message: str) -> Iterator[None]:
+    progress(message)
+    begin = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - begin
