@@ -3,13 +3,13 @@
 from random import Random
 
 import pytest
+from devices import PLAUSIBLE
+from graphs import alpha_beta, typed_graphs
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from steps import expected, observable, random_steps, run, well_formed
 
 from kalmanhdl.schedule.modulo import schedule
-from schedule.devices import PLAUSIBLE
-from schedule.graphs import alpha_beta, typed_graphs
 
 
 @pytest.mark.parametrize(("interval", "channels"), [(1, 1), (None, 1), (1, 16), (1, 5), (3, 4), (1, 2)])
