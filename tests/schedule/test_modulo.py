@@ -54,7 +54,7 @@ def test_without_an_interval_a_track_runs_at_its_bound(typed: TypedGraph, device
     assert not plan.shallower
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(typed_graphs(), devices)
 def test_a_pipeline_made_shallower_is_as_deep_as_its_interval_allows(typed: TypedGraph, device: Device):
     deep = schedule(typed, device, None, 1)

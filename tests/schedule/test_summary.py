@@ -14,7 +14,7 @@ def test_units_and_blocks_of_a_filter():
     assert summary.units == {"add": 2, "multiply": 3, "quantise": 3, "reciprocal": 1, "subtract": 1}
     assert summary.multiplier_blocks == 3
     assert sum(sum(kinds.values()) for kinds in summary.busy) == len(summary.rows)
-    assert Row(label="%8", kind="multiply", start=8, end=8, origin="multiply: 2,2") in summary.rows
+    assert Row(label="%8", kind="multiply", start=7, end=7, origin="multiply: 2,2") in summary.rows
 
 
 def test_the_loop_that_sets_the_bound_is_named():

@@ -6,11 +6,17 @@ additions.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import assert_never
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
-from kalmanhdl.arithmetic.division_structure import ONE, Operand, long_structure, row_weights
+from kalmanhdl.arithmetic.division_structure import (
+    ONE,
+    Operand,
+    TableStructure,
+    long_structure,
+    row_weights,
+    table_structure,
+)
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded
 from kalmanhdl.arithmetic.pipelining import register_places
 from kalmanhdl.arithmetic.product_structure import booth_terms, limb_widths, recodes_first, tree_levels
@@ -39,7 +45,7 @@ from kalmanhdl.target.device import Device
 # A multiplication of so few rows costs less in logic than the way to a block.
 _ROWS_ALWAYS_IN_LOGIC = 4
 
-# How the hardware weighs a block and a row, in levels of adders, when it places registers.
+# How the hardware weighs its steps, in levels of adders, when it places registers.
 _BLOCK_WEIGHT = 2.0
 _RECODING_WEIGHT = 0.5
 
@@ -267,25 +273,31 @@ def _long_division(kind: str, typed: TypedGraph, index: int, divisor: int, devic
 def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block: bool) -> Operator:
     if isinstance(typed.division, LongDivision):
         return _long_division("reciprocal", typed, index, a, device)
-    form, divisor = _number(typed, index), _number(typed, a)
-    pieces = [
-        _delay(device, "leading_one", divisor.width),
-        _delay(device, "shift", divisor.width),
-        _delay(device, "table", typed.division.index_bits),
-    ]
+    form, rounding = _number(typed, index), typed.division_rounding
+    structure = table_structure(_operand(typed, a), form, rounding, typed.division)
+    places = max(1, structure.positions - 1)
+    normalise = _delay(device, "leading_one", places) + _delay(device, "shift", structure.longest)
+    pieces = [normalise, _delay(device, "table", typed.division.index_bits)]
     blocks = 0
-    fractions = typed.division.fractions(form)
-    for fraction, target in pairwise(fractions):
-        value, factor = _unsigned(fraction + 1), _unsigned(target + 3)
-        first = _product(_unsigned(divisor.width), value, device, on_block)
-        second = _product(value, factor, device, on_block)
-        # The factor is 2 minus the first product.
-        pieces += [*first.pieces, _delay(device, "add", factor.width), *second.pieces]
-        blocks += first.blocks + second.blocks
-    rounding = _delay(device, "add", form.width) + _delay(device, "select", form.width)
-    pieces += [_delay(device, "shift", fractions[-1] + 1), rounding]
+    for number, step in enumerate(structure.steps):
+        for product in _newton_products(structure, number, device, on_block):
+            pieces += product.pieces
+            blocks += product.blocks
+        # The value itself is one more addend of its new value.
+        pieces.append(_delay(device, "add", step.target + 1))
+    nearest = rounding not in (Rounding.FLOOR, Rounding.TOWARD_ZERO)
+    back = _delay(device, "shift", form.width) + (_delay(device, "add", form.width) if nearest else 0)
+    pieces += [back, _delay(device, "select", form.width) if structure.above else 0]
     return Operator(kind="reciprocal", pieces=tuple(pieces), blocks=blocks)
 
 
-def _unsigned(width: int) -> Fixed:
-    return Fixed(width=width, fraction=0, signed=False)
+def _newton_products(
+    structure: TableStructure, number: int, device: Device, on_block: bool
+) -> tuple[Operator, Operator]:
+    """The divisor times the value (an entry of the table is negated), and the value times its change."""
+    step = structure.steps[number]
+    value = Fixed(width=step.fraction + 1, fraction=0, signed=False)
+    by = value if number else Fixed(width=step.fraction + 2, fraction=0)
+    divisor = Fixed(width=structure.longest, fraction=0, signed=False)
+    change = Fixed(width=step.change_bits, fraction=0)
+    return _product(divisor, by, device, on_block), _product(value, change, device, on_block)

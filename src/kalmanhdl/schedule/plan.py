@@ -43,7 +43,7 @@ class Plan:
     @property
     def latency(self) -> int:
         """Cycles from the issue of a step to the last of its outputs, that cycle included."""
-        return 1 + max(self.end(index) for index in self.typed.graph.roots)
+        return 1 + max((self.end(index) for index in self.typed.graph.roots), default=0)
 
     @property
     def shallower(self) -> bool:
