@@ -86,8 +86,6 @@ def synthesise_ecp5(verilog: str, top: str) -> Netlist:
     commands = [
         "read_verilog design.v",
         f"synth_ecp5 -top {top}",
-        # Cell names, not the lines of a text that nobody keeps, lead back to the design.
-        "attrmap -remove src",
         "write_json netlist.json",
     ]
     text = cached_script("ecp5", commands, {"design.v": verilog}, "netlist.json")

@@ -1,0 +1,52 @@
+import pytest
+
+from kalmanhdl.errors import DesignError
+from kalmanhdl.target import device, device_names
+
+KINDS = {
+    *("add", "multiply", "compare", "select", "table", "shift", "leading_one"),
+    *("context_read", "context_write", "register"),
+}
+PARTS = [(name, grade) for name in ("ecp5-25k", "ecp5-45k", "ecp5-85k") for grade in (6, 7, 8)]
+
+
+def test_an_unknown_device_names_those_that_exist():
+    with pytest.raises(
+        DesignError, match="unknown name 'virtex'; there are ecp5-25k, ecp5-45k, ecp5-85k, unit"
+    ):
+        device("virtex", 8)
+
+
+def test_an_unknown_grade_names_those_that_exist():
+    with pytest.raises(DesignError, match="device ecp5-25k: unknown speed grade 9; there are 6, 7, 8"):
+        device("ecp5-25k", 9)
+
+
+@pytest.mark.parametrize(("name", "grade"), [*PARTS, ("unit", 1)])
+def test_every_device_knows_every_delay(name, grade):
+    part = device(name, grade)
+    assert (part.name, part.grade) == (name, grade)
+    assert set(part.delays) == KINDS
+    assert all(part.delay_ns(kind, size) >= 0 for kind in KINDS for size in range(1, 100))
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS - {"context_write"}))
+def test_a_faster_grade_is_not_slower(kind):
+    slow, fast = device("ecp5-25k", 6), device("ecp5-25k", 8)
+    assert all(fast.delay_ns(kind, size) <= slow.delay_ns(kind, size) for size in (4, 8, 16, 32))
+
+
+def test_a_wider_adder_is_slower():
+    part = device("ecp5-25k", 8)
+    assert part.delay_ns("add", 8) < part.delay_ns("add", 16) < part.delay_ns("add", 64)
+
+
+def test_on_the_unit_device_everything_takes_a_nanosecond():
+    part = device("unit", 1)
+    assert {kind: part.delay_ns(kind, 7) for kind in KINDS} == {
+        kind: float(kind != "register") for kind in KINDS
+    }
+
+
+def test_no_two_files_are_one_device():
+    assert len(set(device_names())) == len(device_names())
