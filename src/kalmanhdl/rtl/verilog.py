@@ -1,5 +1,6 @@
 """From a component to text: RTLIL for Yosys, and the header of the Verilog."""
 
+import re
 from collections.abc import Iterator
 
 from amaranth.back import rtlil
@@ -10,6 +11,10 @@ from kalmanhdl.rtl.context import banks
 from kalmanhdl.rtl.datapath import result_cycle
 from kalmanhdl.rtl.interface import Command, Interface, Port, interface
 from kalmanhdl.schedule.plan import Plan
+
+# Cells say how they read their operands. Yosys repeats the wires' own sign in Verilog, where two signed
+# operands make an unsigned addition a signed one: with the sign left off, its Verilog means the cells.
+_SIGN_OF_WIRE = re.compile(r"^(\s*wire [^\\$]*)signed (?=[\\$])", re.MULTILINE)
 
 _RESET = """\
 Reset (rst, synchronous, high) drops the steps that are on the way and leaves the tracks' states, which start
@@ -23,7 +28,7 @@ applies to it."""
 
 def to_rtlil(component: Component, name: str) -> str:
     """The RTLIL text of a component, its top module called ``name``. No source paths are in it."""
-    return str(rtlil.convert(component, name=name, emit_src=False))
+    return _SIGN_OF_WIRE.sub(r"\1", str(rtlil.convert(component, name=name, emit_src=False)))
 
 
 def header(plan: Plan, name: str) -> str:
