@@ -15,7 +15,7 @@ _BENCH = """
 module bench;
   reg clk = 0; reg [{inputs}-1:0] stimuli; reg [{inputs}-1:0] table_ [0:{count}-1];
   wire [{outputs}-1:0] results; integer k;
-  top dut(.{clock}stimuli(stimuli), .results(results));
+  top dut({clock}.stimuli(stimuli), .results(results));
   initial begin
     $readmemh("{folder}/stimuli.hex", table_);
     for (k = 0; k < {cycles}; k = k + 1) begin
@@ -54,7 +54,7 @@ def results(cores: Sequence, stimuli: Sequence[dict[str, int]], outputs: Sequenc
     operands = {name: _shape([s[name] for s in stimuli]) for name in stimuli[0]}
     side = _Side(cores, operands, outputs)
     deepest = max(core.registers for core in cores)
-    lines = _simulated(side, stimuli, len(stimuli) + deepest, deepest > 0)
+    lines = _simulated(side, stimuli, len(stimuli) + deepest)
     taken, place = [], 0
     for core, values in zip(cores, side.taken, strict=True):
         window = lines[core.registers : core.registers + len(stimuli)]
@@ -64,17 +64,18 @@ def results(cores: Sequence, stimuli: Sequence[dict[str, int]], outputs: Sequenc
     return taken
 
 
-def _simulated(side: _Side, stimuli: Sequence[dict[str, int]], cycles: int, clocked: bool) -> list[int]:
+def _simulated(side: _Side, stimuli: Sequence[dict[str, int]], cycles: int) -> list[int]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "top.v").write_text(rtlil_to_verilog(to_rtlil(side, "top"), "top"))
+        text = rtlil_to_verilog(to_rtlil(side, "top"), "top")
+        (folder / "top.v").write_text(text)
         bench = _BENCH.format(
             inputs=side.input_bits,
             outputs=side.output_bits,
             count=len(stimuli),
             cycles=cycles,
             folder=folder,
-            clock="clk(clk), .rst(1'b0), ." if clocked and "input clk" in (folder / "top.v").read_text() else "",
+            clock=".clk(clk), .rst(1'b0), " if "input clk" in text else "",
         )
         (folder / "bench.v").write_text(bench)
         words = (_packed(stimulus, side.operands) for stimulus in stimuli)

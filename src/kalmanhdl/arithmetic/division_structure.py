@@ -4,9 +4,12 @@ Cores and schedulers both ask here, so that an estimate speaks of the rows that 
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from math import ceil
 
-from kalmanhdl.arithmetic.division import divide
-from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.arithmetic.division import TableNewton, divide, reciprocal_table
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding, rounded
 
 # Wide enough that no quotient of a design reaches its limits.
 _UNBOUNDED_BITS = 4096
@@ -110,3 +113,102 @@ def _quotients(dividend: Operand, divisor: Operand, fraction: int, rounding: Rou
         quotient(dividend.low, farthest if dividend.low < 0 else nearest_zero),
         quotient(dividend.high, nearest_zero if dividend.high < 0 else farthest),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewtonStep:
+    """One iteration: two multiplications, each with its sum.
+
+    The first multiplies the divisor, shifted left, by the value of ``fraction + 1`` bits (an entry of
+    the table is stored negated, with its sign: ``fraction + 2``). Only the last ``difference_bits`` of
+    the product matter: the rest is known, as the factor is 1 plus a small change. The second multiplies
+    the value by that change of ``change_bits``, signed, and adds it to the value.
+    """
+
+    fraction: int
+    target: int
+    dropped: int
+    change_bits: int
+
+    @property
+    def kept(self) -> int:
+        """Fraction bits of the factor."""
+        return self.target + 2
+
+    @property
+    def difference_bits(self) -> int:
+        """Bits of the first product that the change is made of."""
+        return max(self.change_bits + self.dropped, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableStructure:
+    """A reciprocal from a table.
+
+    The divisor's length, ``shortest`` to ``longest`` bits, is one of ``positions``: it is shifted left by a
+    selection among so many, and the result shifted back by another. Shorter divisors saturate without
+    being looked at. The result is clamped if ``above``.
+    """
+
+    longest: int
+    shortest: int
+    steps: tuple[NewtonStep, ...]
+    above: bool
+
+    @property
+    def positions(self) -> int:
+        """The shifts that the divisor can need."""
+        return self.longest - self.shortest + 1
+
+
+def table_structure(divisor: Operand, form: Fixed, rounding: Rounding, method: TableNewton) -> TableStructure:
+    """The structure of a reciprocal from a table: only the shifts that the divisor can need."""
+    longest = max(divisor.high.bit_length(), 1)
+    fraction = method.fractions(form)[-1]
+    slack = 2 << (fraction - method.index_bits)
+    least = (1 << fraction) - slack
+
+    def result(approximation: int, bits: int) -> int:
+        return rounded(approximation, fraction + bits - divisor.form.fraction - form.fraction, rounding)
+
+    lengths = range(max(divisor.low, 1).bit_length(), longest + 1)
+    shortest = next((bits for bits in lengths if result(least, bits) <= form.highest), longest)
+    # Of the shortest divisors only those from ``low`` on can be there.
+    greatest = min((2 << fraction) - 1, (1 << (lengths[0] + fraction)) // max(divisor.low, 1) + slack)
+    return TableStructure(
+        longest=longest,
+        shortest=shortest,
+        steps=_newton_steps(longest, method, form),
+        above=divisor.low == 0 or result(greatest, lengths[0]) > form.highest,
+    )
+
+
+def _newton_steps(longest: int, method: TableNewton, form: Fixed) -> tuple[NewtonStep, ...]:
+    steps = []
+    # Of |1 - divisor * approximation|.
+    error = _table_error(method)
+    for fraction, target in pairwise(method.fractions(form)):
+        kept = target + 2
+        bound = ceil(error * (1 << kept)) + 1
+        steps.append(
+            NewtonStep(
+                fraction=fraction,
+                target=target,
+                dropped=longest + fraction - kept,
+                change_bits=bits_of(-bound, bound),
+            )
+        )
+        # Newton squares the error; then the factor and the product are truncated.
+        error = error**2 + (1 + error) * Fraction(1, 1 << kept) + Fraction(1, 1 << target)
+    return tuple(steps)
+
+
+def _table_error(method: TableNewton) -> Fraction:
+    count = 1 << method.index_bits
+    unit = 2 * count << method.table_fraction
+    worst = max(
+        abs(unit - edge * entry)
+        for index, entry in enumerate(reciprocal_table(method.index_bits))
+        for edge in (count + index, count + index + 1)
+    )
+    return Fraction(worst, unit)

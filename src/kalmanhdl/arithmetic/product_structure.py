@@ -1,5 +1,8 @@
 """How large the hardware of a multiplication is, from the widths of its operands."""
 
+from collections.abc import Sequence
+from itertools import accumulate
+
 
 def limb_widths(width: int, signed: bool, other_signed: bool, block_width: int = 18) -> tuple[int, ...]:
     """The bits of each limb, lowest first, of an operand cut for multiplier blocks of ``block_width``.
@@ -26,6 +29,53 @@ def booth_terms(width: int, signed: bool) -> int:
 def recodes_first(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> bool:
     """Whether the first of two operands is recoded: the one that makes fewer addends."""
     return booth_terms(a_width, a_signed) < booth_terms(b_width, b_signed)
+
+
+def logic_addends(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """The addends of a multiplication from logic."""
+    return min(booth_terms(a_width, a_signed), booth_terms(b_width, b_signed))
+
+
+def block_addends(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """The addends of a multiplication on blocks: the products of limbs, some joined end to end."""
+    a = _places(limb_widths(a_width, a_signed, b_signed))
+    b = _places(limb_widths(b_width, b_signed, a_signed))
+    top_a, top_b = a[-1], b[-1]
+    return len(
+        joined(
+            [
+                (x[0] + y[0], x[1] + y[1], (a_signed and x == top_a) or (b_signed and y == top_b))
+                for x in a
+                for y in b
+            ]
+        )
+    )
+
+
+def joined(spans: Sequence[tuple[int, int, bool]]) -> list[list[int]]:
+    """Groups of addends, each of them (first position, position above the last, signed).
+
+    An addend that begins above the end of an unsigned one can be set in front of it, and needs no adder.
+    Groups are lists of indices, the lowest first, ordered by their first position.
+    """
+    left = sorted(range(len(spans)), key=lambda index: spans[index][0])
+    groups: list[list[int]] = []
+    while left:
+        group = [left.pop(0)]
+        while not spans[group[-1]][2]:
+            above = next((index for index in left if spans[index][0] >= spans[group[-1]][1]), None)
+            if above is None:
+                break
+            left.remove(above)
+            group.append(above)
+        groups.append(group)
+    return groups
+
+
+def _places(widths: tuple[int, ...]) -> list[tuple[int, int]]:
+    """First position and position above the last of each limb."""
+    ends = list(accumulate(widths))
+    return [(end - width, end) for end, width in zip(ends, widths, strict=True)]
 
 
 def tree_levels(terms: int) -> int:

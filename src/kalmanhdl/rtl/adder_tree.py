@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from amaranth.hdl import Cat, Const, Module, Value
 
+from kalmanhdl.arithmetic.product_structure import joined, tree_levels
 from kalmanhdl.rtl.shapes import shifted_sum
 from kalmanhdl.rtl.stages import Stages, named
 
@@ -16,47 +17,43 @@ class Term:
     offset: int
     value: Value
 
-    @property
-    def end(self) -> int:
-        """The position above the last bit."""
-        return self.offset + len(self.value)
 
-
-def joined(terms: Sequence[Term]) -> list[Term]:
+def joined_terms(terms: Sequence[Term]) -> list[Term]:
     """The same sum in fewer addends: one that begins above the end of another is set in front of it."""
-    left = sorted(terms, key=lambda term: term.offset)
-    result: list[Term] = []
-    while left:
-        term = left.pop(0)
-        while not term.value.shape().signed:
-            above = next((other for other in left if other.offset >= term.end), None)
-            if above is None:
-                break
-            left.remove(above)
-            value = Cat(term.value, Const(0, above.offset - term.end), above.value)
-            term = Term(term.offset, value.as_signed() if above.value.shape().signed else value)
-        result.append(term)
-    return sorted(result, key=lambda term: term.offset)
+    spans = [(term.offset, term.offset + len(term.value), term.value.shape().signed) for term in terms]
+    return [_chained([terms[index] for index in group]) for group in joined(spans)]
+
+
+def _chained(terms: Sequence[Term]) -> Term:
+    parts: list[Value] = []
+    end = terms[0].offset
+    for term in terms:
+        parts += [Const(0, term.offset - end), term.value]
+        end = term.offset + len(term.value)
+    value = Cat(*parts)
+    return Term(terms[0].offset, value.as_signed() if terms[-1].value.shape().signed else value)
 
 
 def summed(
-    m: Module, stages: Stages, first_step: int, terms: Sequence[Term], width: int
-) -> tuple[Value, int]:
-    """The sum of addends modulo 2**width, one step a level, and the step that follows."""
-    step = first_step
-    level = list(terms)
-    while len(level) > 1:
-        values = stages.before(step, {f"addend_{index}": term.value for index, term in enumerate(level)})
-        level = [Term(term.offset, value) for term, value in zip(level, values.values(), strict=True)]
+    m: Module, stages: Stages, first_step: int, terms: Sequence[Term], width: int, carried: dict[str, Value]
+) -> tuple[Value, dict[str, Value]]:
+    """The sum of addends modulo 2**width, as many steps as there are levels.
+
+    ``carried`` values go along through the registers; they return beside the sum.
+    """
+    level = sorted(terms, key=lambda term: term.offset)
+    for step in range(first_step, first_step + tree_levels(len(terms))):
+        addends = {f"addend_{index}": term.value for index, term in enumerate(level)}
+        values = stages.before(step, addends | carried)
+        carried = {name: values[name] for name in carried}
+        level = [Term(term.offset, values[name]) for term, name in zip(level, addends, strict=True)]
         odd = len(level) % 2
         pairs = zip(level[odd::2], level[odd + 1 :: 2], strict=True)
         level = level[:odd] + [
             Term(low.offset, named(m, f"sum_{step}_{index}", _added(low, high, width)))
             for index, (low, high) in enumerate(pairs)
         ]
-        step += 1
-    term = level[0]
-    return term.value.shift_left(term.offset), step
+    return level[0].value.shift_left(level[0].offset), carried
 
 
 def _added(low: Term, high: Term, width: int) -> Value:

@@ -12,7 +12,7 @@ from kalmanhdl.arithmetic.product_structure import (
     recodes_first,
     tree_levels,
 )
-from kalmanhdl.rtl.adder_tree import Term, joined, summed
+from kalmanhdl.rtl.adder_tree import Term, joined_terms, summed
 from kalmanhdl.rtl.shapes import fitted
 from kalmanhdl.rtl.stages import Stages, named
 
@@ -43,9 +43,10 @@ class Multiplier(wiring.Component):
         products = block_products if self.on_block else logic_products
         terms = products(m, "product", self.a, self.b)
         first = _BLOCK_WEIGHT if self.on_block else _RECODING_WEIGHT
-        stages = Stages(m, (first, *(1.0,) * tree_levels(len(terms))), self.registers)
-        total, step = summed(m, stages, 1, terms, len(self.product))
-        m.d.comb += self.product.eq(stages.before(step, {"total": total})["total"])
+        levels = tree_levels(len(terms))
+        stages = Stages(m, (first, *(1.0,) * levels), self.registers)
+        total, _ = summed(m, stages, 1, terms, len(self.product), {})
+        m.d.comb += self.product.eq(stages.before(1 + levels, {"total": total})["total"])
         return m
 
 
@@ -56,7 +57,7 @@ def block_products(m: Module, name: str, a: Value, b: Value) -> list[Term]:
         for i, x in _limbs(a, b.shape().signed)
         for j, y in _limbs(b, a.shape().signed)
     ]
-    return joined(terms)
+    return joined_terms(terms)
 
 
 def _limbs(value: Value, other_signed: bool) -> list[tuple[int, Value]]:
