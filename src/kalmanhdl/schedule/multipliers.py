@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from kalmanhdl.graph.operations import Graph, operands
+from kalmanhdl.graph.operations import Graph, is_flag, operands
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operators import is_multiplier, operators
 from kalmanhdl.target.device import Device
@@ -11,13 +11,16 @@ from kalmanhdl.target.device import Device
 def on_blocks(typed: TypedGraph, device: Device, limit: int | None, outputs_in_logic: bool) -> frozenset[int]:
     """The operations that multiply on blocks, at most ``limit`` blocks of them.
 
-    Multiplications by a few bits never do. What no state depends on leaves the blocks first (at once with
-    ``outputs_in_logic``), then what lies on no loop of the states, then the least critical.
+    Multiplications by a few bits never do. What no number of the state depends on leaves the blocks
+    first (at once with ``outputs_in_logic``), then what lies on no loop of the states, then the least
+    critical.
     """
     candidates = frozenset(k for k in range(len(typed.graph.operations)) if is_multiplier(typed, k))
     library = operators(typed, device, candidates)
     graph = typed.graph
-    updates = _behind((root for _, root in graph.states), graph)
+    # A flag kept for the report, such as that of saturation, is no reason to hurry what it watches.
+    numbers = (root for _, root in graph.states if not is_flag(graph.operations[root]))
+    updates = _behind(numbers, graph)
     if outputs_in_logic:
         candidates &= updates
     used = sum(library[k].blocks for k in candidates)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kalmanhdl.graph.operations import State, StateFlag
+from kalmanhdl.graph.operations import State, StateFlag, is_flag
 from kalmanhdl.schedule.placement import CYCLE_BITS, OFFSET_MASK, Pace
 
 Cycles = npt.NDArray[np.int64]
@@ -23,11 +23,13 @@ class Recurrence:
 
     ``weights[s, t]`` counts the cycles from reading state s until state t can be read again, negative
     and huge where t does not depend on s; ``from_inputs[t]`` counts them from the issue of the step.
-    ``least`` is the least distance that any state allows, one cycle and the context's overhead.
+    ``numbers`` are the states that are no flags. ``least`` is the least distance that any state
+    allows, one cycle and the context's overhead.
     """
 
     names: tuple[str, ...]
     operations: tuple[int | None, ...]
+    numbers: tuple[int, ...]
     weights: Cycles
     from_inputs: Cycles
     least: int
@@ -39,8 +41,9 @@ class Recurrence:
 
     @property
     def single_cycle(self) -> bool:
-        """Whether every new state is there in the cycle in which the step is issued."""
-        return bool((self.weights <= self.least).all() and (self.from_inputs <= self.least).all())
+        """Whether steps follow each other at once, and all numbers are new in the cycle of the inputs."""
+        ends = np.maximum(self.weights.max(axis=0, initial=0), self.from_inputs)
+        return self.bound == 1 and bool((ends[list(self.numbers)] <= 1).all())
 
     def reads(self, distance: int) -> dict[int, int]:
         """The earliest cycles in which the states can be read, by operation, for a distance >= bound."""
@@ -94,6 +97,7 @@ def recurrence(pace: Pace) -> Recurrence:
     return Recurrence(
         names=names,
         operations=tuple(sources.get(name) for name in names),
+        numbers=tuple(s for s, (_, root) in enumerate(graph.states) if not is_flag(graph.operations[root])),
         weights=weights[:-1],
         from_inputs=weights[-1] if len(names) else np.zeros(0, dtype=np.int64),
         least=least if names else 1,
