@@ -1,0 +1,251 @@
+"""A build as the dictionary that ``report.json`` holds.
+
+Two builds of one design give equal dictionaries but for times: what stands under ``seconds``, and
+``verification[].cycles_per_second``. Numbers that are not known are None, never NaN.
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from kalmanhdl.algorithm.trace import components
+from kalmanhdl.graph.builder import reachable
+from kalmanhdl.graph.operations import Graph
+from kalmanhdl.graph.simplify import counts
+from kalmanhdl.pipeline import Implemented
+from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, updated
+from kalmanhdl.report.formats import formats, overflows
+from kalmanhdl.report.papers import beside, paper_of
+from kalmanhdl.report.record import Record
+from kalmanhdl.schedule.summary import Summary
+from kalmanhdl.simulate.metrics import rmse
+from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.target import device
+from kalmanhdl.toolchain.nextpnr import Implementation
+
+SCHEMA = 1
+_STAGES = ("trace", "schedule", "verify", "synthesise", "place_and_route")
+_FIGURES = ("fmax_mhz", "luts", "ffs", "multipliers", "block_rams")
+
+
+def document(record: Record) -> dict[str, Any]:
+    """Everything of a build in plain values: the keys of the report, as DESIGN.md lists them, and more."""
+    hardware, summary = record.hardware, record.summary
+    needed, monitoring = operation_counts(hardware.numbers.graph)
+    result: dict[str, Any] = {
+        "design": hardware.design.name,
+        "schema": SCHEMA,
+        "model": _model(record),
+        "algorithm": hardware.design.algorithm,
+        "operations": needed,
+        "operations_monitoring": monitoring,
+        "schedule": _schedule(summary),
+        "estimates": _estimates(record, summary),
+        "numerics": _numerics(record),
+        "accuracy": _accuracy(record),
+        "verification": [asdict(one) for one in record.verifications],
+        "implementation": _implementation(record, summary),
+        "synthesis": {one.family: asdict(one) for one in record.areas},
+        "seconds": _seconds(record),
+    }
+    paper = paper_of(hardware.design.name)
+    result["paper"] = paper and {
+        "name": paper.name,
+        "title": paper.title,
+        "hardware": paper.hardware,
+        "figures": beside(paper, result),
+    }
+    return plain(result)  # type: ignore[no-any-return]
+
+
+def operation_counts(graph: Graph) -> tuple[dict[str, int], dict[str, int]]:
+    """The operations that states and estimate need, and those that only innovation and NIS need on top."""
+    estimate = [index for name, index in graph.outputs if name.startswith(("x[", "P["))]
+    needed = reachable(graph.operations, [*(index for _, index in graph.states), *estimate])
+    rest = reachable(graph.operations, graph.roots) - needed
+    first, second = counts(graph.operations, needed), counts(graph.operations, rest)
+    for found in (first, second):
+        found["divisions_and_reciprocals"] = found["divide"] + found["reciprocal"]
+    return first, second
+
+
+def plain(value: Any) -> Any:
+    """The same in values of JSON: arrays are lists, what is not finite is None."""
+    if isinstance(value, dict):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _model(record: Record) -> dict[str, Any]:
+    model = record.hardware.design.model
+    parts = components(record.hardware.numbers.graph)
+    names = {f"x[{i}]": name for i, name in enumerate(model.state_names)}
+    return {
+        "states": model.n,
+        "measurements": model.m,
+        "controls": model.p,
+        "components": len(parts),
+        "component_states": [[names[state] for state in part] for part in parts],
+        "state_names": model.state_names,
+        "state_units": model.state_units,
+        "measurement_names": model.measurement_names,
+    }
+
+
+def _schedule(summary: Summary) -> dict[str, Any]:
+    return {
+        "interval_cycles": summary.interval_cycles,
+        "latency_cycles": summary.latency_cycles,
+        "channels": summary.channels,
+        "units": summary.units,
+        "recurrence_bound_cycles": summary.recurrence_bound_cycles,
+        "distance_cycles": summary.distance_cycles,
+        "shallower": summary.shallower,
+        "loop": summary.loop,
+        "multiplier_blocks": summary.multiplier_blocks,
+        "register_bits": summary.register_bits,
+        "operator_register_bits": summary.operator_register_bits,
+    }
+
+
+def _estimates(record: Record, summary: Summary) -> dict[str, Any]:
+    """What the schedule expects of the device, before any tool has seen the design."""
+    target = record.hardware.design.target
+    clock = 1000 / summary.period_ns if summary.period_ns else math.nan
+    return {
+        "period_ns": summary.period_ns,
+        "pipelined_period_ns": summary.pipelined_period_ns,
+        "fmax_mhz": clock,
+        **_rates(summary, clock),
+        "delays_measured_with": device(target.device, target.grade).measured_with,
+    }
+
+
+def _rates(summary: Summary, fmax_mhz: float) -> dict[str, float]:
+    return {
+        "latency_ns": summary.latency_cycles * 1000 / fmax_mhz,
+        "update_interval_ns": summary.interval_cycles * 1000 / fmax_mhz,
+        "updates_per_second": fmax_mhz * 1e6 / summary.interval_cycles,
+    }
+
+
+def _numerics(record: Record) -> dict[str, Any]:
+    numbers, specification = record.hardware.numbers, record.hardware.design.numerics
+    scaling = numbers.scaling
+    return {
+        "rounding": specification.rounding.value,
+        "overflow": specification.overflow.value,
+        "division": {"method": type(numbers.typed.division).__name__, **asdict(numbers.typed.division)},
+        "scaling": {
+            "state": scaling.state,
+            "measurement": scaling.measurement,
+            "control": scaling.control,
+            "covariance": scaling.covariance,
+        },
+        "formats": formats(numbers.typed, record.simulation.trace if record.simulation else None),
+    }
+
+
+def _accuracy(record: Record) -> dict[str, Any]:
+    model, simulation = record.hardware.design.model, record.simulation
+    if simulation is None:
+        unknown: list[None] = [None] * model.n
+        return {
+            "steps": 0,
+            "tracks": 0,
+            "rmse_reference": unknown,
+            "rmse_bitexact": unknown,
+            "rmse_bitexact_to_reference": unknown,
+            "nis_mean": None,
+            "saturations": None,
+        }
+    return {
+        "steps": int(simulation.valid.sum()),
+        "tracks": len(simulation.plots.tracks),
+        "rmse_reference": against_truth(simulation, simulation.reference.x),
+        "rmse_bitexact": against_truth(simulation, simulation.exact.x),
+        "rmse_bitexact_to_reference": rmse(simulation.exact.x, simulation.reference.x),
+        "differencing": _differencing(record, simulation),
+        **_nis(record, simulation),
+        **_overflows(record, simulation),
+    }
+
+
+def _differencing(record: Record, simulation: Simulation) -> list[dict[str, Any]]:
+    model = record.hardware.design.model
+    return [
+        {
+            **asdict(one),
+            "state": model.state_names[one.state],
+            "measurement": model.measurement_names[one.measurement],
+        }
+        for one in differencing(model, simulation)
+    ]
+
+
+def _nis(record: Record, simulation: Simulation) -> dict[str, Any]:
+    used = updated(simulation, record.hardware.design.model.initial.before_update)
+    exact = mean_nis(simulation.exact.nis, used)
+    return {
+        "nis_mean": exact.mean,
+        "nis_mean_reference": mean_nis(simulation.reference.nis, used).mean,
+        "nis_band_95": [exact.low, exact.high],
+        "nis_samples": exact.samples,
+    }
+
+
+def _overflows(record: Record, simulation: Simulation) -> dict[str, Any]:
+    found = overflows(record.hardware.numbers.typed, simulation.trace)
+    return {
+        "saturations": simulation.saturations,
+        "violations": sum(simulation.trace.violations.values()),
+        "inputs_clipped": simulation.stimulus.clipped,
+        "saturations_by_signal": found,
+    }
+
+
+def _implementation(record: Record, summary: Summary) -> dict[str, Any]:
+    """The best placement, and every one that was tried; nothing but the device where none was."""
+    target = record.hardware.design.target
+    named = {"device": target.device, "grade": target.grade}
+    if record.implemented is None:
+        rates = dict.fromkeys(_rates(summary, 1.0))
+        return {**named, "tool": None, **dict.fromkeys(_FIGURES), **rates, "seed": None, "placements": []}
+    best = record.implemented.best
+    return {
+        **named,
+        "tool": best.tool,
+        **_figures(best),
+        **_rates(summary, best.fmax_mhz),
+        "seed": best.seed,
+        "critical_path": [asdict(hop) for hop in best.critical_path],
+        "placements": [
+            {"seed": one.seed, **_figures(one)}
+            for one in sorted(record.implemented.placements, key=lambda one: one.seed)
+        ],
+    }
+
+
+def _figures(placed: Implementation) -> dict[str, Any]:
+    return {name: getattr(placed, name) for name in _FIGURES}
+
+
+def _seconds(record: Record) -> dict[str, Any]:
+    return {
+        **dict.fromkeys(_STAGES),
+        **record.all_seconds,
+        "place_and_route_by_seed": _by_seed(record.implemented),
+    }
+
+
+def _by_seed(implemented: Implemented | None) -> dict[str, float]:
+    placements = implemented.placements if implemented else ()
+    return {str(one.seed): one.seconds for one in sorted(placements, key=lambda one: one.seed)}

@@ -1,0 +1,75 @@
+"""The number formats of a design, signal by signal, and how much of them was used."""
+
+from typing import Any
+
+from kalmanhdl.graph.operations import Input, Quantise
+from kalmanhdl.numerics.signals import signal_of
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.simulate.engine import Trace
+
+
+def formats(typed: TypedGraph, trace: Trace | None) -> list[dict[str, Any]]:
+    """A row for each input, state, output, and value that is rounded on the way.
+
+    ``unit`` is the real value of one unit of the hardware, so that the last bit is ``resolution`` in the
+    model's units; both are None for values on the way. ``used_bits`` is what the data of a
+    simulation needed of ``width``.
+    """
+    rows: list[dict[str, Any]] = []
+    known: set[int] = set()
+    for role, signals in _named(typed).items():
+        for name, index in signals:
+            if typed.formats[index] is not None and (role, index) not in {("output", k) for k in known}:
+                rows.append(_row(typed, trace, role, name, index))
+                known.add(index)
+    for index, operation in enumerate(typed.graph.operations):
+        if isinstance(operation, Quantise) and index not in known:
+            name = signal_of(typed.graph.origins[index]).name
+            rows.append(_row(typed, trace, "inner", name, index))
+    return rows
+
+
+def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
+    """The values that left their formats, with how often, and how often it mattered; the rest is silent."""
+    mattered = trace.violations
+    return [
+        {
+            "signal": signal_of(typed.graph.origins[index]).name,
+            "origin": typed.graph.origins[index],
+            "saturations": count,
+            "violations": mattered.get(index, 0),
+        }
+        for index, count in sorted(trace.saturations.items())
+        if count
+    ]
+
+
+def _named(typed: TypedGraph) -> dict[str, list[tuple[str, int]]]:
+    operations = typed.graph.operations
+    return {
+        "input": [(o.name, k) for k, o in enumerate(operations) if isinstance(o, Input)],
+        "state": list(typed.graph.states),
+        "output": list(typed.graph.outputs),
+    }
+
+
+def _row(typed: TypedGraph, trace: Trace | None, role: str, name: str, index: int) -> dict[str, Any]:
+    form = typed.formats[index]
+    assert form is not None
+    unit = None if role == "inner" else typed.scales.get(name)
+    seen = trace.extremes.get(index) if trace else None
+    used = max(seen.high.bit_length(), (~seen.low if seen.low < 0 else seen.low).bit_length()) if seen else 0
+    return {
+        "signal": name,
+        "role": role,
+        "class": signal_of(typed.graph.origins[index]).signal_class,
+        "origin": typed.graph.origins[index],
+        "width": form.width,
+        "fraction": form.fraction,
+        "signed": form.signed,
+        "unit": unit,
+        "resolution": None if unit is None else float(form.resolution) * unit,
+        "lowest": None if unit is None else float(form.real(form.lowest)) * unit,
+        "highest": None if unit is None else float(form.real(form.highest)) * unit,
+        "used_bits": used + form.signed if seen else None,
+    }
