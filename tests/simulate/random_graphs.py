@@ -58,7 +58,7 @@ def random_inputs(random: Random, typed: TypedGraph, steps: int, tracks: int):
 
 
 def _numbers(random: Random, form: Fixed, shape: tuple[int, ...]):
-    corners = [n for n in (form.lowest, form.lowest + 1, -1, 0, 1, form.highest - 1, form.highest)]
+    corners = (form.lowest, form.lowest + 1, -1, 0, 1, form.highest - 1, form.highest)
     inside = [n for n in corners if form.lowest <= n <= form.highest]
     result = np.empty(shape, object)
     for place in np.ndindex(shape):

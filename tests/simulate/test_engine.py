@@ -8,12 +8,9 @@ import pytest
 from conftest import Builder, radar
 from random_graphs import random_graph, random_inputs
 
-from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.errors import DataError, FormatError, ToolError
-from kalmanhdl.simulate import compiler
+from kalmanhdl.errors import DataError, FormatError
 from kalmanhdl.simulate.engine import Engine, Trace, engines
-from kalmanhdl.simulate.interpreter import interpret
 
 
 def interpreted(engine: Engine) -> Engine:
@@ -46,10 +43,105 @@ def check(seeds: range, minimum_bits: int, operations: int = 14) -> None:
 
 @pytest.mark.parametrize("minimum_bits", [0, 64, 128, 700])
 def test_compiled_and_interpreted_engine_agree_on_random_graphs(minimum_bits):
-    check(range(24), minimum_bits)
+    check(range(12 if minimum_bits else 30), minimum_bits)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(10))
 def test_compiled_and_interpreted_engine_agree_on_many_random_graphs(batch):
     check(range(1000 + 100 * batch, 1100 + 100 * batch), 0, 24)
+
+
+def test_tracks_do_not_mix_and_blocks_have_no_seams():
+    engine = Engine.of(radar())
+    random = np.random.default_rng(3)
+    z = {f"z[{axis}]": random.integers(-30_000, 30_000, (12, 301)) for axis in range(2)}
+    flags = {"initialise": np.arange(12)[:, None] < np.full(301, 1)}
+    whole = engine.run(z, flags)
+    for track in (0, 127, 128, 255, 256, 300):
+        alone = {name: values[:, track : track + 1] for name, values in z.items()}
+        part = engine.run(alone, {"initialise": flags["initialise"][:, track : track + 1]})
+        for name, values in part.states.items():
+            assert np.array_equal(values[:, 0], whole.states[name][:, track])
+
+
+def test_a_run_goes_on_from_the_state_of_another():
+    engine = Engine.of(radar())
+    z = {f"z[{axis}]": np.random.default_rng(4).integers(-9000, 9000, (10, 3)) for axis in range(2)}
+    flags = {"initialise": np.arange(10)[:, None] < np.ones(3, int)}
+    whole = engine.run(z, flags)
+    first = engine.run({k: v[:4] for k, v in z.items()}, {k: v[:4] for k, v in flags.items()})
+    second = engine.run(
+        {k: v[4:] for k, v in z.items()},
+        {k: v[4:] for k, v in flags.items()},
+        initial_state=first.final_state,
+    )
+    for name, values in whole.final_state.items():
+        assert np.array_equal(values, second.final_state[name])
+    assert sum(whole.saturations.values()) == sum((*first.saturations.values(), *second.saturations.values()))
+
+
+def test_an_inactive_step_keeps_the_state_and_counts_nowhere():
+    engine = Engine.of(radar())
+    z = {f"z[{axis}]": np.full((3, 2), 32767) for axis in range(2)}
+    flags = {"initialise": np.zeros((3, 2), bool)}
+    active = np.array([[True, False]] * 3)
+    trace = engine.run(z, flags, active=active, monitor=True)
+    assert trace.states["x[0]"][:, 0].any()
+    assert not any(values[:, 1].any() for values in trace.states.values())
+    assert (
+        trace.saturations
+        == engine.run({k: v[:, :1] for k, v in z.items()}, {"initialise": np.zeros((3, 1), bool)}).saturations
+    )
+
+
+@pytest.fixture(scope="module")
+def small() -> Engine:
+    b = Builder()
+    z = b.input("z[0]", Fixed(width=8, fraction=0))
+    b.states["x[0]"] = b.quantise(
+        b.add(z, b.state("x[0]", Fixed(width=8, fraction=0))), Fixed(width=8, fraction=0)
+    )
+    b.outputs["y"] = z
+    return Engine.of(b.typed())
+
+
+def test_an_input_outside_its_format_is_named_with_step_and_limits(small):
+    z = np.zeros((4, 2), int)
+    z[2, 1] = 128
+    with pytest.raises(FormatError, match=r"z\[0\], step 2, track 1: raw 128 .* -128 to 127"):
+        small.run({"z[0]": z}, {})
+
+
+def test_an_input_outside_its_format_is_no_matter_where_the_track_has_no_step(small):
+    trace = small.run({"z[0]": np.array([[999], [5]])}, {}, active=np.array([[False], [True]]))
+    assert trace.final_state["x[0]"].tolist() == [5]
+
+
+def test_arrays_that_do_not_match_are_refused(small):
+    with pytest.raises(DataError, match=r"z\[0\]: the step needs it"):
+        small.run({}, {})
+    with pytest.raises(DataError, match=r"active: shape \(3, 1\)"):
+        small.run({"z[0]": np.zeros((2, 1), int)}, {}, active=np.ones((3, 1), bool))
+    with pytest.raises(DataError, match="float64"):
+        small.run({"z[0]": np.zeros((2, 1))}, {})
+    with pytest.raises(DataError, match=r"x\[0\]: initial state of shape \(3,\)"):
+        small.run({"z[0]": np.zeros((2, 1), int)}, {}, initial_state={"x[0]": np.zeros(3, int)})
+
+
+def test_a_state_counts_what_it_saturates(small):
+    trace = small.run({"z[0]": np.full((3, 2), 100)}, {}, monitor=True)
+    assert trace.states["x[0]"].tolist() == [[100, 100], [127, 127], [127, 127]]
+    assert list(trace.saturations.values()) == [4]
+    assert max(trace.largest.values()) == 127
+
+
+def test_without_a_c_compiler_the_engine_is_slow_but_the_same(monkeypatch):
+    monkeypatch.setattr("kalmanhdl.simulate.engine.find_compiler", lambda: None)
+    slow = Engine.of(radar())
+    monkeypatch.undo()
+    fast = Engine.of(radar())
+    assert (slow.compiled, fast.compiled) == (False, True)
+    z = {f"z[{axis}]": np.random.default_rng(5).integers(-32768, 32768, (6, 2)) for axis in range(2)}
+    flags, active = {"initialise": np.arange(6)[:, None] < np.ones(2, int)}, np.ones((6, 2), bool)
+    assert_same(slow.run(z, flags, monitor=True), fast.run(z, flags, monitor=True), active)

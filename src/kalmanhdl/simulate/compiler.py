@@ -23,7 +23,7 @@ from kalmanhdl.errors import ToolError
 _EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
 # Selects are to stay selects: threaded into jumps, a loop makes no vectors.
 _FAST = (
-    "-O3",
+    "-O2",
     "-march=native",
     "-fopenmp-simd",
     "-fno-math-errno",

@@ -24,4 +24,23 @@ static inline int64_t bit_length_128(__int128 a)
     return a >> 64 ? 64 + bit_length_64((int64_t)(a >> 64)) : bit_length_64((int64_t)a);
 }
 
+/* A row of a caller's array, from element `at` on, into a block and back; calls keep programs short. */
+#define BLOCK_COPY(load, store, block, array)                                                            \
+    __attribute__((noinline, unused))                                                                    \
+    static void load(block *restrict to, const void *from, int64_t at, int64_t n)                        \
+    {                                                                                                    \
+        const array *restrict row = (const array *)from + at;                                            \
+        _Pragma("omp simd") for (int64_t t = 0; t < n; t++) to[t] = (block)row[t];                       \
+    }                                                                                                    \
+    __attribute__((noinline, unused))                                                                    \
+    static void store(const block *restrict from, void *to, int64_t at, int64_t n)                       \
+    {                                                                                                    \
+        array *restrict row = (array *)to + at;                                                          \
+        _Pragma("omp simd") for (int64_t t = 0; t < n; t++) row[t] = (array)from[t];                     \
+    }
+
+BLOCK_COPY(load_flags, store_flags, int32_t, uint8_t)
+BLOCK_COPY(load_32, store_32, int32_t, int64_t)
+BLOCK_COPY(load_64, store_64, int64_t, int64_t)
+
 #endif

@@ -30,8 +30,8 @@ class Trace:
     step (empty if not recorded); ``final_state[name]`` has shape (tracks,). ``saturations[k]`` counts how
     often the rounded value of operation k did not fit its format, for every operation of which that is
     possible; ``violations[k]`` counts only the steps in which it mattered, for the quantised values of
-    ``TypedGraph.violations``. ``extremes[k]`` is what operation k really took, of a monitored run: inputs, states,
-    outputs, quantised values and quotients. Steps that are not active count nowhere.
+    ``TypedGraph.violations``. ``extremes[k]`` is what operation k really took, of a monitored run: inputs,
+    states, outputs, quantised values and quotients. Steps that are not active count nowhere.
     """
 
     outputs: dict[str, Integers]

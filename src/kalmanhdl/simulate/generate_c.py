@@ -158,7 +158,7 @@ def _members(ports: Iterable[Port]) -> str:
 
 
 def _structures(parts: _Parts) -> str:
-    extremes = " ".join(f"{p.kind.c_type} low{p.index}, high{p.index};" for p in parts.watched)
+    extremes = " ".join(f"{p.kind.c_type} low{p.index}[1], high{p.index}[1];" for p in parts.watched)
     return f"""
 typedef struct {{ int32_t live[BLOCK]; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
 typedef struct {{ int32_t none; {_members(parts.states)} }} {parts.name}_state;
@@ -212,7 +212,7 @@ def _watch(parts: _Parts) -> str:
     lines = [*lowering.writer.lines, *(f"counts[{n}] += {flag.c};" for n, flag in enumerate(hits))]
     for port in parts.watched:
         text = _signal_text(parts, port)
-        low, high = f"e->low{port.index}", f"e->high{port.index}"
+        low, high = f"e->low{port.index}[0]", f"e->high{port.index}[0]"
         less = "wide_less({}, {})" if port.kind is Kind.WIDE else "{} < {}"
         lines.append(f"if (!e->seen || {less.format(text, low)}) {low} = {text};")
         lines.append(f"if (!e->seen || {less.format(high, text)}) {high} = {text};")
@@ -231,49 +231,51 @@ static void {name}_watch(int64_t tracks, const {name}_in *restrict in, const {na
 }}"""
 
 
-def _load(port: Port, array: str, at: str) -> str:
-    """An element of an array of limbs (or of flag bytes), as the port's type."""
+def _load(port: Port, block: str, array: str, at: str) -> str:
+    """The statement that fills a block with elements of an array of limbs, or of flag bytes."""
+    if copy := _copy(port):
+        return f"load_{copy}({block}, {array}, {at}, n);"
+    loaded = f"wide_load((const uint64_t *){array} + ({at} + t) * {port.limbs}, {port.limbs})"
+    value = loaded if port.kind is Kind.WIDE else f"wide_low({loaded})"
+    return f"for (int64_t t = 0; t < n; t++) {block}[t] = {value};"
+
+
+def _store(port: Port, block: str, array: str, at: str) -> str:
+    """The statement that brings a block into an array."""
+    if copy := _copy(port):
+        return f"store_{copy}({block}, {array}, {at}, n);"
+    value = f"{block}[t]" if port.kind is Kind.WIDE else f"wide_of({block}[t])"
+    place = f"(uint64_t *){array} + ({at} + t) * {port.limbs}"
+    return f"for (int64_t t = 0; t < n; t++) wide_store({place}, {port.limbs}, {value});"
+
+
+def _lines(statements: Iterable[str], indent: int) -> str:
+    return ("\n" + " " * indent).join(statements)
+
+
+def _copy(port: Port) -> str | None:
+    """Which of the copies of engine.h serves a port."""
     if not port.limbs:
-        return f"((const uint8_t *){array})[{at}] != 0"
-    if port.limbs == 1 and port.kind is not Kind.WIDE:
-        return f"({port.kind.c_type})((const int64_t *){array})[{at}]"
-    loaded = f"wide_load((const uint64_t *){array} + ({at}) * {port.limbs}, {port.limbs})"
-    return loaded if port.kind is Kind.WIDE else f"wide_low({loaded})"
-
-
-def _store(port: Port, array: str, at: str, value: str) -> str:
-    if not port.limbs:
-        return f"((uint8_t *){array})[{at}] = (uint8_t){value};"
-    if port.limbs == 1 and port.kind is not Kind.WIDE:
-        return f"((int64_t *){array})[{at}] = (int64_t){value};"
-    wide = value if port.kind is Kind.WIDE else f"wide_of({value})"
-    return f"wide_store((uint64_t *){array} + ({at}) * {port.limbs}, {port.limbs}, {wide});"
-
-
-def _each(statements: Iterable[str], indent: int) -> str:
-    """Loops over the tracks of a block, one per statement."""
-    line = "\n" + " " * indent
-    return line.join(f"for (int64_t t = 0; t < n; t++) {statement}" for statement in statements)
+        return "flags"
+    return str(port.kind.value) if port.kind <= Kind.INT64 else None
 
 
 def _run(parts: _Parts) -> str:
     name, states = parts.name, parts.states
     loads = [
-        f"b->in.x{p.index}[t] = {_load(p, f'{array}[{k}]', 'row + t')};"
+        _load(p, f"b->in.x{p.index}", f"{array}[{k}]", "row")
         for array, ports in (("inputs", parts.inputs), ("flags", parts.flags))
         for k, p in enumerate(ports)
     ]
-    first = [f"old->x{p.index}[t] = {_load(p, f'state[{k}]', 'first + t')};" for k, p in enumerate(states)]
-    last = [_store(p, f"state[{k}]", "first + t", f"old->x{p.index}[t]") for k, p in enumerate(states)]
-    records = [_store(p, f"records[{k}]", "row + t", f"next->x{p.index}[t]") for k, p in enumerate(states)]
-    outs = [
-        _store(p, f"outputs[{k}]", "row + t", f"b->out.x{p.index}[t]") for k, p in enumerate(parts.outputs)
-    ]
-    extremes = "\n        ".join(
-        _store(p, f"extremes[{2 * k + i}]", "0", f"b->extremes.{member}{p.index}")
+    first = [_load(p, f"old->x{p.index}", f"state[{k}]", "first") for k, p in enumerate(states)]
+    last = [_store(p, f"old->x{p.index}", f"state[{k}]", "first") for k, p in enumerate(states)]
+    records = [_store(p, f"next->x{p.index}", f"records[{k}]", "row") for k, p in enumerate(states)]
+    outs = [_store(p, f"b->out.x{p.index}", f"outputs[{k}]", "row") for k, p in enumerate(parts.outputs)]
+    extremes = [
+        _store(p, f"b->extremes.{member}{p.index}", f"extremes[{2 * k + i}]", "0")
         for k, p in enumerate(parts.watched)
         for i, member in enumerate(("low", "high"))
-    )
+    ]
     return f"""
 typedef struct {{
     {name}_in in;
@@ -294,28 +296,29 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
         int64_t n = tracks - first < BLOCK ? tracks - first : BLOCK;
         {name}_state *old = &b->states[0], *next = &b->states[1];
         for (int64_t t = 0; t < BLOCK; t++) b->in.live[t] = t < n;
-        {_each(first, 8)}
+        {_lines(first, 8)}
         for (int64_t step = 0; step < steps; step++) {{
             int64_t row = step * tracks + first;
-            {_each(loads, 12)}
+            {_lines(loads, 12)}
             if (active)
                 for (int64_t t = 0; t < n; t++) b->in.live[t] = active[row + t] != 0;
             int32_t any = {name}_step((n + {parts.lanes - 1}) / {parts.lanes}, &b->in, old, next, &b->out);
             if (any || monitor)
                 {name}_watch(n, &b->in, old, counts, &b->extremes);
-            {_each(outs, 12)}
+            {_lines(outs, 12)}
             if (records) {{
-                {_each(records, 16)}
+                {_lines(records, 16)}
             }}
             {name}_state *swap = old;
             old = next;
             next = swap;
         }}
-        {_each(last, 8)}
+        {_lines(last, 8)}
     }}
     int32_t seen = b->extremes.seen;
     if (seen) {{
-        {extremes}
+        int64_t n = 1;
+        {_lines(extremes, 8)}
     }}
     free(b);
     return seen;
