@@ -65,8 +65,10 @@ def _leading_one(width: int) -> Probe:
 
 def _table(bits: int) -> Probe:
     values = random.Random(bits)
-    cases = "".join(f"{i}: r = {values.randrange(16)};" for i in range(2**bits))
-    return Probe((("a", bits),), 4, "r", f"reg [3:0] r; always @* case (a) {cases} endcase")
+    words = "".join(f"rom[{i}] = {values.randrange(16)};" for i in range(2**bits))
+    # Without the attribute Yosys takes a block memory for the larger ones.
+    rom = f'(* ram_style = "logic" *) reg [3:0] rom [0:{2**bits - 1}];'
+    return Probe((("a", bits),), 4, "rom[a]", f"{rom} initial begin {words} end")
 
 
 def chains() -> dict[str, tuple[Probe, tuple[tuple[str, int], ...]]]:

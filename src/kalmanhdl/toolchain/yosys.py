@@ -89,10 +89,11 @@ def synthesise_ecp5(verilog: str, top: str) -> Netlist:
         "write_json netlist.json",
     ]
     text = cached_script("ecp5", commands, {"design.v": verilog}, "netlist.json")
-    return Netlist(top=top, json=text, cells=_count_cells(text, top), tool=version(YOSYS))
+    return Netlist(top=top, json=text, cells=count_cells(text, top), tool=version(YOSYS))
 
 
-def _count_cells(netlist: str, top: str) -> dict[str, int]:
+def count_cells(netlist: str, top: str) -> dict[str, int]:
+    """How many cells of each type a netlist's top module has."""
     counts: dict[str, int] = {}
     for cell in json.loads(netlist)["modules"][top]["cells"].values():
         # Types that start with $ are notes such as $scopeinfo, no hardware.
