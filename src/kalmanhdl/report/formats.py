@@ -44,6 +44,16 @@ def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
     ]
 
 
+def resolutions(typed: TypedGraph) -> dict[str, float]:
+    """The last bit of every input, state and output, in the model's units."""
+    named = (pair for signals in _named(typed).values() for pair in signals)
+    return {
+        name: float(form.resolution) * typed.scales[name]
+        for name, index in named
+        if (form := typed.formats[index]) is not None and name in typed.scales
+    }
+
+
 def _named(typed: TypedGraph) -> dict[str, list[tuple[str, int]]]:
     operations = typed.graph.operations
     return {

@@ -1,0 +1,81 @@
+"""``report.html``: one file with its figures and everything they need, for a browser without a network."""
+
+from importlib.resources import files
+from typing import Any
+
+from bokeh.embed import components
+from bokeh.resources import Resources
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from kalmanhdl import __version__
+from kalmanhdl.report import figures
+from kalmanhdl.report.accuracy import rate_sources
+from kalmanhdl.report.geometry import Kind, plane
+from kalmanhdl.report.record import Record
+from kalmanhdl.report.tiles import tiles
+from kalmanhdl.report.wording import number, percent, prefixed
+from kalmanhdl.simulate.side_by_side import Simulation
+
+# Beyond this many states a page of one figure for each serves nobody.
+_SHOWN = 12
+
+
+def page(record: Record, document: dict[str, Any]) -> str:
+    """The page of a build; ``document`` is its ``report.document``."""
+    drawn = {"schedule": figures.schedule_figure(record)}
+    if record.simulation is not None:
+        drawn |= _of_data(record, record.simulation)
+    script, divisions = components(drawn)
+    resources = Resources(mode="inline", components=["bokeh"])
+    environment = Environment(
+        loader=PackageLoader("kalmanhdl.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "prefixed": prefixed, "percent": percent}
+    return environment.get_template("page.html.j2").render(
+        **document,
+        version=__version__,
+        style=files(__package__).joinpath("page.css").read_text(),
+        library=resources.render_js(),
+        script=script,
+        figures=divisions,
+        tiles=tiles(document),
+        captions=_captions(record),
+        states=[s for s in range(record.hardware.design.model.n) if f"state{s}" in drawn],
+        innovations=[j for j in range(record.hardware.design.model.m) if f"innovation{j}" in drawn],
+    )
+
+
+def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:
+    model = record.hardware.design.model
+    shown = range(min(model.n, _SHOWN))
+    drawn = {
+        "track": figures.track_figure(record, simulation),
+        "deviation": figures.deviation_figure(record, simulation),
+        "gain": figures.gain_figure(record, simulation),
+    }
+    drawn |= {f"state{i}": figures.state_figure(record, simulation, i) for i in shown}
+    drawn |= {f"error{i}": figures.quantisation_figure(record, simulation, i) for i in shown}
+    measured = range(min(model.m, _SHOWN))
+    return drawn | {f"innovation{j}": figures.innovation_figure(record, simulation, j) for j in measured}
+
+
+def _captions(record: Record) -> dict[str, Any]:
+    """What the words around the figures need to know of the data."""
+    model, simulation = record.hardware.design.model, record.simulation
+    if simulation is None:
+        return {}
+    tracks = simulation.plots.tracks
+    return {
+        "first_track": tracks[0],
+        "tracks": len(tracks),
+        "tracks_drawn": min(len(tracks), figures.TRACKS),
+        "polar": plane(model).kind is Kind.POLAR,
+        "plane": plane(model).kind is not Kind.TIME,
+        "truth": simulation.plots.truth is not None,
+        "rates": bool(rate_sources(model)),
+        "inside": [figures.inside_band(record, simulation, j) for j in range(model.m)],
+    }
