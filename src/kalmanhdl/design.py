@@ -1,12 +1,20 @@
 """A design: everything a user decides, as one frozen value."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
+
+if TYPE_CHECKING:
+    from kalmanhdl.report.record import Record
+    from kalmanhdl.simulate.side_by_side import Simulation
 
 MAX_INTERVAL = 65536
 MAX_CHANNELS = 65536
@@ -87,8 +95,10 @@ class Design:
         _check_signals(self.numerics, self.model)
 
     @classmethod
-    def load(cls, path: str | Path) -> "Design":
+    def load(cls, path: str | Path, constants: Mapping[str, float | str] | None = None) -> "Design":
         """The design of a TOML file.
+
+        ``constants`` take the place of entries of [model.constants]: numbers, or expressions in strings.
 
         Raises:
             DesignError: the file cannot be read, or says something that cannot be; the message names
@@ -97,7 +107,46 @@ class Design:
         # Files need pydantic; a design made of objects does not.
         from kalmanhdl.design_file import load
 
-        return load(path)
+        return load(path, constants)
+
+    def simulate(self, z: ArrayLike, u: ArrayLike | None = None) -> "Simulation":
+        """Filter measurements with the float reference and the bit-exact engine, side by side.
+
+        z (steps, m) for one track or (steps, tracks, m), NaN where missed; controls u likewise.
+
+        Raises:
+            DataError: a shape that does not suit the model, an infinite number, a control that is missing.
+        """
+        from kalmanhdl.pipeline import simulate
+        from kalmanhdl.simulate.data import plots_from_arrays
+
+        return simulate(self, plots_from_arrays(z, self.model, u))
+
+    def build(
+        self,
+        out: str | Path,
+        *,
+        z: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        verify_steps: int = 100_000,
+        place: bool = True,
+        force: bool = False,
+    ) -> "Record":
+        """Take the design the whole line down and write the folder ``out``, report and all.
+
+        With measurements z (and u, as for ``simulate``) they are filtered. ``verify_steps`` of the
+        Verilog are held against the engine (0: none); ``place``: also synthesis, place and route;
+        ``force`` replaces an earlier build.
+
+        Raises:
+            OutputError, DataError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is
+                written then.
+        """
+        from kalmanhdl.build import build
+        from kalmanhdl.simulate.data import plots_from_arrays
+
+        plots = None if z is None else plots_from_arrays(z, self.model, u)
+        return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
 
 
 def _check_integer(table: str, key: str, value: object, low: int, high: int) -> None:

@@ -53,11 +53,11 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
         FormatError, ScheduleError, ToolError: see the stages.
     """
     seconds: dict[str, float] = {}
-    with _timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
+    with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
         typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
-    with _timed(seconds, "schedule", progress, "scheduling"):
+    with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
-    with _timed(seconds, "rtl", progress, "writing Verilog"):
+    with timed(seconds, "rtl", progress, "writing Verilog"):
         verilog = verilog_of(design, plan, typed)
     return Hardware(
         design=design,
@@ -155,11 +155,11 @@ def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
 
     design, seconds = hardware.design, dict[str, float]()
     part = device(design.target.device, design.target.grade)
-    with _timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
+    with timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
         netlist = synthesise_ecp5(hardware.verilog, design.name)
     wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns
     seeds = range(1, design.target.seeds + 1)
-    with _timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):
+    with timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):
         placed = place_and_route(netlist, part, seeds, wanted)
     first = best(placed)
     rest = tuple(one for one in placed if one is not first)
@@ -175,7 +175,8 @@ def areas(hardware: Hardware, progress: Progress = silent) -> tuple[AreaFigures,
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], stage: str, progress: Progress, message: str) -> Iterator[None]:
+def timed(seconds: dict[str, float], stage: str, progress: Progress, message: str) -> Iterator[None]:
+    """Tell that a stage begins, and keep the seconds that it took."""
     progress(message)
     begin = time.perf_counter()
     yield

@@ -47,11 +47,12 @@ _T = TypeVar("_T", bound=Table)
 _MOTIONS = {"constant_velocity": constant_velocity, "constant_acceleration": constant_acceleration}
 
 
-def load(path: str | Path) -> Design:
-    """The design of a TOML file.
+def load(path: str | Path, constants: Mapping[str, float | str] | None = None) -> Design:
+    """The design of a TOML file; ``constants`` take the place of entries of [model.constants].
 
     Raises:
-        DesignError: the file cannot be read, or says something that cannot be.
+        DesignError: the file cannot be read, or says something that cannot be; a constant that the file
+            has not.
     """
     name = shown(str(path))[1:-1]
     try:
@@ -67,18 +68,18 @@ def load(path: str | Path) -> Design:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise DesignError(f"{name}, line {line}: not UTF-8: save the file as UTF-8 text") from None
-    return loads(text, name)
+    return loads(text, name, constants)
 
 
-def loads(text: str, source: str = "design") -> Design:
-    """The design of TOML text; ``source`` is its name in messages.
+def loads(text: str, source: str = "design", constants: Mapping[str, float | str] | None = None) -> Design:
+    """The design of TOML text; ``source`` is its name in messages, ``constants`` as for ``load``.
 
     Raises:
         DesignError: as ``load``.
     """
     tables = _parsed(text, source)
     try:
-        return _design(tables)
+        return _design(tables, constants or {})
     except InvalidValueError as error:
         line = line_of(text, error.table, error.key)
         place = source if line is None else f"{source}, line {line}"
@@ -100,9 +101,9 @@ def _parsed(text: str, source: str) -> dict[str, Any]:
         raise DesignError(f"{source}: not TOML: {reason}") from None
 
 
-def _design(tables: dict[str, Any]) -> Design:
+def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Design:
     root = _checked(RootTable, tables, "", Context({}))
-    context = Context(_constants(root.model.get("constants", {})))
+    context = Context(_constants(root.model.get("constants", {}), constants))
     algorithm = _checked(AlgorithmTable, root.algorithm, "algorithm", context)
     architecture = _checked(ArchitectureTable, root.architecture, "architecture", context)
     target = _checked(TargetTable, root.target, "target", context)
@@ -122,14 +123,18 @@ def _design(tables: dict[str, Any]) -> Design:
     )
 
 
-def _constants(table: object) -> dict[str, float]:
-    where = "model.constants"
+def _constants(table: object, instead: Mapping[str, float | str]) -> dict[str, float]:
+    """The values of [model.constants], some of them given in place of the file's."""
     if not isinstance(table, dict):
         raise InvalidValueError("model", "constants", f" = {shown(table)}: write [model.constants]")
     if len(table) > MAX_CONSTANTS:
         raise InvalidValueError("model", "constants", f" are {len(table)}: at most {MAX_CONSTANTS}")
+    for name in instead:
+        if name not in table:
+            there = f"its constants are {', '.join(map(str, table))}" if table else "it has no constants"
+            raise InvalidValueError("", f"constant {shown(name)[1:-1]}", f" is none of the design: {there}")
     entries: dict[str, float | str] = {}
-    for name, value in table.items():
+    for name, value in {**table, **instead}.items():
         problem = identifier_problem(name)
         if problem is None and name in RESERVED:
             problem = f"{shown(name)} has a meaning of its own in expressions: choose another name"
@@ -138,12 +143,19 @@ def _constants(table: object) -> dict[str, float]:
         try:
             entries[name] = value if isinstance(value, str) else number(value, {})
         except ValueError as error:
-            raise InvalidValueError(where, name, f": {error}") from None
+            raise _constant_fault(name, str(error), instead) from None
     try:
         return resolve(entries)
     except ExpressionError as error:
         name, _, problem = str(error).partition(": ")
-        raise InvalidValueError(where, name, f": {problem}") from None
+        raise _constant_fault(name, problem, instead) from None
+
+
+def _constant_fault(name: str, problem: str, instead: Mapping[str, float | str]) -> InvalidValueError:
+    if name in instead:
+        # No line of the file is to blame.
+        return InvalidValueError("", f"constant {name} = {shown(instead[name])}", f": {problem}")
+    return InvalidValueError("model.constants", name, f": {problem}")
 
 
 def _model(table: dict[str, Any], context: Context) -> LinearModel:

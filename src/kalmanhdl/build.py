@@ -1,0 +1,184 @@
+"""A whole build: the stages in their order, and the folder that keeps what they made."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.design import Design
+from kalmanhdl.design_file import dump, load
+from kalmanhdl.errors import DesignError, ToolError
+from kalmanhdl.numerics.integers import Numbers, numbers
+from kalmanhdl.output import check_folder, new_folder
+from kalmanhdl.pipeline import (
+    Hardware,
+    Progress,
+    areas,
+    compile_design,
+    implement,
+    planned,
+    silent,
+    simulate,
+    timed,
+    verify,
+)
+from kalmanhdl.report.record import Record
+from kalmanhdl.rtl.interface import interface
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.simulate.data import Plots
+from kalmanhdl.target import device
+from kalmanhdl.verify.compare import Verification
+
+VERIFIED_STEPS = 100_000
+# Raw integers that one run of a verification keeps of each step's outputs and states, in all.
+_KEPT_NUMBERS = 5_000_000
+
+
+def build(
+    design: Design,
+    out: str | Path,
+    *,
+    plots: Plots | None = None,
+    verify_steps: int = VERIFIED_STEPS,
+    place: bool = True,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Record:
+    """Take a design the whole line down and write the folder ``out``.
+
+    With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
+    the Verilog are held against the engine; 0 leaves that out, and the report says so. ``place``: also
+    synthesis, place and route. ``force`` replaces an earlier build.
+
+    Raises:
+        OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
+    """
+    check_folder(out, force=force)
+    device(design.target.device, design.target.grade)
+    if verify_steps:
+        _need_compiler()
+    seconds: dict[str, float] = {}
+    hardware = compile_design(design, progress)
+    simulation = None
+    if plots is not None:
+        with timed(
+            seconds, "simulate", progress, "filtering the data in floats and in the hardware's integers"
+        ):
+            simulation = simulate(design, plots, hardware.numbers)
+    verifications: tuple[Verification, ...] = ()
+    if verify_steps:
+        with timed(seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"):
+            verifications = verify_long(hardware, verify_steps, plots)
+    record = Record(
+        hardware=hardware,
+        simulation=simulation,
+        verifications=verifications,
+        implemented=implement(hardware, progress) if place else None,
+        areas=areas(hardware, progress) if place else (),
+        seconds=seconds,
+    )
+    progress("writing the report")
+    with new_folder(out, force=force) as folder:
+        write_build(record, folder)
+    return record
+
+
+def write_build(record: Record, folder: Path) -> None:
+    """Write everything that a build made into a folder. Raises OSError, OutputError."""
+    # Plots take a second to import.
+    from kalmanhdl.graph.text import print_graph
+    from kalmanhdl.report import write_report
+    from kalmanhdl.schedule.text import print_plan
+
+    hardware = record.hardware
+    dump(hardware.design, folder / _DESIGN)
+    texts = {
+        f"{hardware.design.name}.v": hardware.verilog,
+        "graph.txt": print_graph(hardware.numbers.graph),
+        "schedule.txt": print_plan(hardware.plan),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    write_report(record, folder)
+
+
+_DESIGN = "design.toml"
+
+
+def read_build(folder: Path) -> Hardware:
+    """The hardware of a build folder: the Verilog as it stands there, and the rest from its design.
+
+    Raises:
+        DesignError: the folder is none of a build, or its files cannot be read.
+    """
+    if not (folder / _DESIGN).is_file():
+        raise DesignError(f"{folder}: is no build folder: it has no {_DESIGN}")
+    design = load(folder / _DESIGN)
+    path = folder / f"{design.name}.v"
+    try:
+        verilog = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise DesignError(f"{path}: the Verilog of the build cannot be read: {reason}") from None
+    typed, plan = planned_design(design)
+    return Hardware(design=design, numbers=typed, plan=plan, interface=interface(plan), verilog=verilog)
+
+
+def planned_design(design: Design) -> tuple[Numbers, Plan]:
+    """The numbers and the schedule of a design, without its Verilog. Raises FormatError, ScheduleError."""
+    typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
+    return typed, planned(design, typed)
+
+
+def verify_long(
+    hardware: Hardware, steps: int, plots: Plots | None = None, seed: int = 1
+) -> tuple[Verification, ...]:
+    """As ``pipeline.verify``, any number of steps, in runs that fit in memory.
+
+    Raises VerificationError at the first bit that differs.
+    """
+    found: dict[str, Verification] = {}
+    for run_seed, run_steps in _runs(hardware, steps, seed):
+        for one in verify(hardware, run_steps, plots if run_seed == seed else None, run_seed):
+            before = found.get(one.stimulus)
+            found[one.stimulus] = _joined(before, one) if before else one
+    return tuple(found.values())
+
+
+def _runs(hardware: Hardware, steps: int, seed: int) -> Iterator[tuple[int, int]]:
+    """The seed and the steps of every run; a run takes two seeds."""
+    graph = hardware.numbers.typed.graph
+    most = max(1000, _KEPT_NUMBERS // len(graph.roots))
+    for run_seed in count(seed, 2):
+        yield run_seed, min(steps, most)
+        steps -= most
+        if steps <= 0:
+            return
+
+
+def _joined(first: Verification, second: Verification) -> Verification:
+    cycles = first.cycles + second.cycles
+    rates = ((one.cycles, one.cycles_per_second) for one in (first, second))
+    seconds = sum(cycles / rate for cycles, rate in rates if rate)
+    return replace(
+        first,
+        steps=first.steps + second.steps,
+        bits=first.bits + second.bits,
+        cycles=cycles,
+        cycles_per_second=cycles / seconds if seconds else 0.0,
+    )
+
+
+def _need_compiler() -> None:
+    """Fail before the work, not after it."""
+    from kalmanhdl.toolchain.cxxrtl import find_compiler
+
+    otherwise = "or build without verification, --no-verify"
+    try:
+        tool = find_compiler()
+    except ToolError as error:
+        raise ToolError(f"{error}, {otherwise}") from None
+    if shutil.which(tool.command[0]) is None:
+        raise ToolError(f"C++ compiler {tool.command[0]!r} was not found: {tool.remedy}, {otherwise}")

@@ -1,0 +1,136 @@
+"""What a command says besides its result: progress and errors on stderr, and how it ends.
+
+Nothing else of the package prints, but the commands themselves.
+"""
+
+import functools
+import os
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, ParamSpec, Self, TextIO
+
+import typer
+
+from kalmanhdl.errors import KalmanhdlError
+from kalmanhdl.validation import KalmanhdlWarning
+
+FAILED, DEFECT, INTERRUPTED = 1, 70, 130
+
+_P = ParamSpec("_P")
+
+
+class Interrupted(BaseException):
+    """Ctrl-C, or a polite request to end."""
+
+
+def reported(command: Callable[_P, None]) -> Callable[_P, None]:
+    """A command whose errors end as one line on stderr and an exit code."""
+
+    @functools.wraps(command)
+    def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        _show_warnings()
+        _catch_signals()
+        try:
+            command(*args, **kwargs)
+        except (Interrupted, KeyboardInterrupt):
+            _end("interrupted", INTERRUPTED)
+        except KalmanhdlError as error:
+            _end(f"error: {error}", FAILED)
+        except BrokenPipeError:
+            # Whoever read the result has enough of it.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(FAILED) from None
+        except MemoryError:
+            _end("error: out of memory: the design or its data are too large for this machine", FAILED)
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename else ""
+            _end(f"error: {place}{error.strerror or error}", FAILED)
+        except (typer.Exit, typer.BadParameter):
+            raise
+        except Exception as error:
+            if os.environ.get("KALMANHDL_DEBUG"):
+                raise
+            problem = f"{type(error).__name__}: {error}"
+            _end(f"error: a defect of kalmanhdl: {problem} (KALMANHDL_DEBUG=1 shows where)", DEFECT)
+
+    return run
+
+
+def _end(line: str, code: int) -> None:
+    typer.echo(" ".join(line.split()), err=True)
+    raise typer.Exit(code) from None
+
+
+def _catch_signals() -> None:
+    def stop(number: int, frame: FrameType | None) -> None:
+        # What was begun is cleaned up now, and that is not to be interrupted again.
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, signal.SIG_IGN)
+        raise Interrupted
+
+    try:
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, stop)
+    except ValueError:
+        # Only the main thread has signals; a command called from another one does without.
+        return
+
+
+def _show_warnings() -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        typer.echo(" ".join(f"warning: {message}".split()), err=True)
+
+    # Numbers that overflow while a model is examined end in a message of their own.
+    warnings.simplefilter("ignore")
+    warnings.simplefilter("always", KalmanhdlWarning)
+    warnings.showwarning = show
+
+
+class Progress:
+    """Stages on stderr as they begin: with a clock that runs on a terminal, plain lines elsewhere."""
+
+    def __init__(self) -> None:
+        self._begin = time.perf_counter()
+        self._live: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import Progress as Live
+            from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+            columns = (SpinnerColumn("line"), TimeElapsedColumn(), TextColumn("{task.description}"))
+            self._live = Live(*columns, console=Console(stderr=True))
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._finish_stage()
+            self._live.stop()
+
+    def __call__(self, message: str) -> None:
+        """A stage begins."""
+        if self._live is None:
+            typer.echo(f"{time.perf_counter() - self._begin:6.1f} s  {message}", err=True)
+            return
+        self._finish_stage()
+        self._task = self._live.add_task(message, total=1)
+
+    def _finish_stage(self) -> None:
+        if self._task is not None:
+            self._live.update(self._task, completed=1)

@@ -1,0 +1,122 @@
+"""Folders of results that are whole or not there: made aside, put in place by one rename."""
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from kalmanhdl.errors import OutputError
+from kalmanhdl.validation import shown
+
+MARKER = ".kalmanhdl"
+"""The file by which a folder that kalmanhdl made is known."""
+
+_MARKER_TEXT = "kalmanhdl made this folder, and replaces it where it is told to (--force).\n"
+
+
+def check_folder(out: str | Path, *, force: bool = False) -> None:
+    """Say at once what ``new_folder`` would say after the work.
+
+    Raises:
+        OutputError: there is something at ``out`` that may not be replaced, or nothing can be written there.
+    """
+    place = _place(out)
+    _refuse(place, out, force)
+    parent = next(p for p in place.parents if p.exists())
+    if not parent.is_dir():
+        raise OutputError(f"{_named(out)}: {parent} is no folder: choose another place")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{_named(out)}: cannot be written: no permission to write in {parent}")
+
+
+@contextmanager
+def new_folder(out: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """A folder to fill, which becomes ``out`` when the block ends, and is gone if it fails.
+
+    Folders above ``out`` are made. With ``force`` a folder that kalmanhdl made is replaced, no other one.
+
+    Raises:
+        OutputError: there is something at ``out`` that may not be replaced, or it cannot be written.
+    """
+    check_folder(out, force=force)
+    place = _place(out)
+    missing = [parent for parent in place.parents if not parent.exists()]
+    token = secrets.token_hex(4)
+    aside = place.with_name(f".{place.name[:64]}.{token}.unfinished")
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        aside.mkdir()
+        yield aside
+        (aside / MARKER).write_text(_MARKER_TEXT, encoding="utf-8")
+        _refuse(place, out, force)
+        _publish(aside, place, token)
+    except OSError as error:
+        raise OutputError(f"{_named(out)}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+        if not place.exists():
+            _remove_empty(missing)
+
+
+def _place(out: str | Path) -> Path:
+    try:
+        place = Path(out).expanduser().absolute()
+        link = place.is_symlink()
+        # As the system sees it, so that "results/.." is no name of a folder to be made.
+        place = place.parent.resolve() / place.name if place.name != ".." else place.resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise OutputError(f"{_named(out)}: is no name of a folder: {error}") from None
+    if link:
+        raise OutputError(f"{_named(out)}: is a link: name the folder itself")
+    if not place.name:
+        raise OutputError(f"{_named(out)}: cannot be replaced: name a folder in it")
+    return place
+
+
+def _refuse(place: Path, out: str | Path, force: bool) -> None:
+    try:
+        there = os.path.lexists(place)
+        empty = place.is_dir() and not any(place.iterdir())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"{_named(out)}: cannot be written: {reason}") from None
+    if not there:
+        return
+    if not place.is_dir():
+        raise OutputError(f"{_named(out)}: is a file: name a folder that is not there yet")
+    if Path.cwd().is_relative_to(place):
+        raise OutputError(f"{_named(out)}: is the working folder: name a folder in it")
+    if not force:
+        raise OutputError(f"{_named(out)}: exists: name another folder, or replace it with --force")
+    if not empty and not (place / MARKER).is_file():
+        raise OutputError(
+            f"{_named(out)}: was not made by kalmanhdl (it has no file {MARKER}), so that --force does not "
+            "replace it: name another folder"
+        )
+
+
+def _publish(aside: Path, place: Path, token: str) -> None:
+    old = place.with_name(f".{place.name[:64]}.{token}.old")
+    replaced = place.exists()
+    if replaced:
+        place.rename(old)
+    try:
+        aside.rename(place)
+    except BaseException:
+        if replaced:
+            old.rename(place)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Undo the making of folders, the innermost first."""
+    with suppress(OSError):
+        for folder in folders:
+            folder.rmdir()
+
+
+def _named(out: str | Path) -> str:
+    return shown(str(out))[1:-1] or "''"

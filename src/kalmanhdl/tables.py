@@ -1,0 +1,181 @@
+"""What the commands print: short tables, as text."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from kalmanhdl.design import Design
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.integers import Numbers
+from kalmanhdl.pipeline import Implemented
+from kalmanhdl.report.accuracy import against_truth
+from kalmanhdl.report.document import document, operation_counts
+from kalmanhdl.report.formats import formats
+from kalmanhdl.report.record import Record
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.summary import Summary, summarise
+from kalmanhdl.simulate.metrics import rmse
+from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.target import device
+from kalmanhdl.toolchain.area import AreaFigures
+from kalmanhdl.toolchain.nextpnr import Implementation
+from kalmanhdl.verify.compare import Verification
+
+_BAR_COLUMNS = 64
+
+
+def build_table(record: Record) -> str:
+    """The figures of a build, a line a stage."""
+    hardware, facts = record.hardware, document(record)
+    plan = hardware.plan
+    rows: list[Sequence[str]] = [
+        ("design", f"{hardware.design.name}, {facts['algorithm']}, {_model(facts['model'])}"),
+        ("operations", _counted(facts["operations"])),
+        ("schedule", _schedule(plan)),
+    ]
+    if record.simulation is not None:
+        accuracy = facts["accuracy"]
+        rows.append(("data", f"{accuracy['steps']} estimates of {accuracy['tracks']} tracks"))
+        rows += [("", line) for line in accuracy_table(hardware.design.model, record.simulation).splitlines()]
+    rows.append(("verification", _verified(record.verifications)))
+    if record.implemented is not None:
+        rows.append(("implementation", _placed(plan, record.implemented)))
+    rows += [("synthesis", f"{one.family_name}: {_cells(one)}") for one in record.areas]
+    return _aligned(rows)
+
+
+def _model(facts: dict[str, Any]) -> str:
+    parts = facts["components"]
+    return (
+        f"{facts['states']} states in {parts} {'part' if parts == 1 else 'parts'}, "
+        f"{facts['measurements']} measured"
+    )
+
+
+def _counted(counts: dict[str, int]) -> str:
+    named = ((name.replace("_", " "), count) for name, count in counts.items() if count)
+    return ", ".join(f"{count} {name}" for name, count in named if name != "divisions and reciprocals")
+
+
+def _schedule(plan: Plan) -> str:
+    parts = [
+        f"a step every {_clocks(plan.interval)}",
+        "1 track" if plan.channels == 1 else f"{plan.channels} tracks",
+        f"latency {_clocks(plan.latency)}",
+        f"recurrence bound {_clocks(plan.recurrence_bound)}",
+        *(["pipeline made shallower"] if plan.shallower else []),
+    ]
+    return ", ".join(parts)
+
+
+def _clocks(count: int) -> str:
+    return f"{count} clock" if count == 1 else f"{count} clocks"
+
+
+def _verified(found: Sequence[Verification]) -> str:
+    if not found:
+        return "was not run"
+    return f"{sum(v.steps for v in found)} steps, {sum(v.mismatches for v in found)} mismatches"
+
+
+def _placed(plan: Plan, implemented: Implemented) -> str:
+    best = implemented.best
+    speed = f"{best.fmax_mhz:.1f} MHz (seed {best.seed}), {best.fmax_mhz / plan.interval:.1f} M updates/s"
+    return f"{best.device} grade {best.grade}: {speed}, {_cells(best)}"
+
+
+def _cells(found: Implementation | AreaFigures) -> str:
+    return (
+        f"{found.luts} LUTs, {found.ffs} flip-flops, {found.multipliers} multipliers, "
+        f"{found.block_rams} block RAMs"
+    )
+
+
+def accuracy_table(model: LinearModel, simulation: Simulation) -> str:
+    """For each state the root mean square errors of float reference and engine, and between the two."""
+    between = rmse(simulation.exact.x, simulation.reference.x)
+    columns = [("state", *model.state_names), ("unit", *(unit or "-" for unit in model.state_units))]
+    if simulation.plots.truth is not None:
+        reference = against_truth(simulation, simulation.reference.x)
+        exact = against_truth(simulation, simulation.exact.x)
+        columns += [("rmse float", *map(_figure, reference)), ("rmse hardware", *map(_figure, exact))]
+    columns.append(("hardware to float", *map(_figure, between)))
+    counts = f"{simulation.saturations} saturations, {simulation.stimulus.clipped} inputs out of range"
+    return f"{_aligned(zip(*columns, strict=True))}\n{counts}"
+
+
+def verification_table(found: Sequence[Verification]) -> str:
+    """What was compared, a line a stimulus."""
+    rows: list[Sequence[str]] = [("stimulus", "steps", "bits", "cycles", "cycles/s", "mismatches")]
+    for one in found:
+        numbers = (one.steps, one.bits, one.cycles, round(one.cycles_per_second), one.mismatches)
+        rows.append((one.stimulus, *map(str, numbers)))
+    return _aligned(rows)
+
+
+def implementation_table(plan: Plan, implemented: Implemented) -> str:
+    """Every placement, the best first."""
+    rows: list[Sequence[str]] = [
+        ("seed", "MHz", "M updates/s", "ns a step", "LUTs", "flip-flops", "multipliers", "block RAMs")
+    ]
+    for one in implemented.placements:
+        rate, step = one.fmax_mhz / plan.interval, plan.latency * 1000 / one.fmax_mhz
+        cells = (one.luts, one.ffs, one.multipliers, one.block_rams)
+        rows.append((str(one.seed), f"{one.fmax_mhz:.2f}", f"{rate:.2f}", f"{step:.2f}", *map(str, cells)))
+    best = implemented.best
+    return f"{best.device} grade {best.grade}, {best.tool}\n{_aligned(rows)}"
+
+
+def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
+    """Operations, formats, bounds and schedule of a design."""
+    summary = summarise(plan, device(design.target.device, design.target.grade))
+    needed, monitoring = operation_counts(numbers.graph)
+    clock = 1000 / plan.period_ns if plan.period_ns else 0.0
+    head = [
+        ("design", f"{design.name}, {design.algorithm}"),
+        ("operations", _counted(needed)),
+        ("", f"{_counted(monitoring) or 'none'} for innovation and NIS alone"),
+        ("schedule", _schedule(plan)),
+        ("bound set by", ", ".join(summary.loop) or "nothing"),
+        ("clock", f"{plan.period_ns:.2f} ns ({clock:.0f} MHz) expected on {design.target.device}"),
+        ("units", _counted(summary.units)),
+        (
+            "registers",
+            f"{summary.register_bits} bits between, {summary.operator_register_bits} inside operators",
+        ),
+    ]
+    return "\n\n".join((_aligned(head), _formats(numbers), _chart(summary)))
+
+
+def _formats(numbers: Numbers) -> str:
+    rows = [("signal", "role", "format", "last bit", "lowest", "highest")]
+    for row in formats(numbers.typed, None):
+        form = f"{'' if row['signed'] else 'u'}fixed({row['width']}, fraction={row['fraction']})"
+        limits = (row["resolution"], row["lowest"], row["highest"])
+        rows.append((row["signal"], row["role"], form, *("" if v is None else _figure(v) for v in limits)))
+    return _aligned(rows)
+
+
+def _chart(summary: Summary) -> str:
+    """A bar for each operation over the cycles of a step."""
+    wide = max(1, -(-summary.latency_cycles // _BAR_COLUMNS))
+    rows = [("cycle", "operation", "for", "" if wide == 1 else f"one mark is {wide} cycles")]
+    for row in sorted(summary.rows, key=lambda row: (row.start, row.end)):
+        begin, end = row.start // wide, row.end // wide
+        bar = "." * begin + "#" * (end - begin + 1)
+        rows.append((str(row.start), row.kind.replace("_", " "), row.origin, bar))
+    return _aligned(rows)
+
+
+def _figure(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"
+
+
+def _aligned(rows: Iterable[Sequence[str]]) -> str:
+    table = [list(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return "\n".join(_lines(table, widths))
+
+
+def _lines(table: list[list[str]], widths: list[int]) -> Iterator[str]:
+    for row in table:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
