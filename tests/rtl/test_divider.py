@@ -1,9 +1,11 @@
-"""The long divider is the definition of a quotient, whatever its radix, interval and registers."""
+"""The long divider is the definition of a quotient, whatever its radix, its intervals and its registers."""
+
+from random import Random
 
 import pytest
 from streaming import results
 
-from kalmanhdl.arithmetic.division_structure import Operand
+from kalmanhdl.arithmetic.division_structure import ONE, Operand
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.rtl.divider import LongDivider
 
@@ -13,22 +15,91 @@ FORMS = (
     Fixed(width=9, fraction=7),
     Fixed(width=3, fraction=-1),
     Fixed(width=1, fraction=0),
+    Fixed(width=1, fraction=-2, signed=False),
 )
 
 
-def unsigned_operand(width: int, fraction: int, low: int, high: int) -> Operand:
-    return Operand(form=Fixed(width=width, fraction=fraction, signed=False), low=low, high=high)
+def operand(width: int, fraction: int, low: int, high: int) -> Operand:
+    return Operand(form=Fixed(width=width, fraction=fraction, signed=low < 0), low=low, high=high)
 
 
+def check(cores: list[LongDivider], stimuli: list[dict[str, int]]) -> None:
+    for core, values in zip(cores, results(cores, stimuli, ("quotient", "outside")), strict=True):
+        for stimulus, value in zip(stimuli, values, strict=True):
+            expected = core.compute(stimulus.get("dividend", 1), stimulus["divisor"])
+            assert value == expected, (core.form, core.rounding, core.structure, stimulus)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("registers", [0, 3])
 @pytest.mark.parametrize("rounding", Rounding)
 def test_every_small_quotient_is_the_defined_one(rounding, registers):
-    dividend = Operand(form=Fixed(width=5, fraction=1), low=-16, high=15)
-    divisor = unsigned_operand(5, 2, 0, 31)
+    dividend, divisor = operand(5, 1, -16, 15), operand(5, 2, 0, 31)
     cores = [
         LongDivider(dividend, divisor, form, rounding, radix, registers) for form in FORMS for radix in (2, 4)
     ]
-    stimuli = [{"dividend": a, "divisor": b} for a in range(-16, 16) for b in range(32)]
-    for core, values in zip(cores, results(cores, stimuli, ("quotient", "outside")), strict=True):
-        for stimulus, value in zip(stimuli, values, strict=True):
-            assert value == core.compute(**stimulus), (core.form, core.structure, stimulus)
+    check(cores, [{"dividend": a, "divisor": b} for a in range(-16, 16) for b in range(32)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rounding", Rounding)
+def test_every_reciprocal_of_ten_bits_is_the_defined_one(rounding):
+    random = Random(rounding.value)
+    forms = (*FORMS, Fixed(width=16, fraction=11), Fixed(width=12, fraction=5, signed=False))
+    cores = [
+        LongDivider(ONE, operand(10, 5, 0, 1023), form, rounding, radix, random.choice((0, 2, 7, 20)))
+        for form in forms
+        for radix in (2, 4)
+    ]
+    check(cores, [{"divisor": b} for b in range(1024)])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_known_interval_leaves_the_quotients_inside_it_as_they_are(seed):
+    random = Random(seed)
+    low, high = sorted(random.randrange(-1000, 1000) for _ in "ab")
+    least, greatest = sorted(random.randrange(1 << random.randrange(1, 12)) for _ in "ab")
+    dividend = Operand(form=Fixed(width=11, fraction=random.randrange(-3, 9)), low=low, high=high)
+    divisor = operand(11, random.randrange(-3, 9), least, greatest)
+    cores = [
+        LongDivider(dividend, divisor, form, rounding, radix, random.randrange(5))
+        for form in random.sample(FORMS, 3)
+        for rounding in Rounding
+        for radix in (2, 4)
+    ]
+    stimuli = [{"dividend": a, "divisor": b} for a in (low, high) for b in (least, greatest)]
+    stimuli += [
+        {"dividend": random.randint(low, high), "divisor": random.randint(least, greatest)}
+        for _ in range(200)
+    ]
+    check(cores, stimuli)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_wide_quotients_are_the_defined_ones(seed):
+    random = Random(seed)
+    width = random.randrange(20, 41)
+    half = 1 << (width - 1)
+    dividend = operand(width, random.randrange(30), -half, half - 1)
+    divisor = operand(width, random.randrange(30), 0, 2 * half - 1)
+    cores = [
+        LongDivider(
+            dividend,
+            divisor,
+            Fixed(
+                width=random.randrange(8, 40), fraction=random.randrange(-4, 40), signed=random.random() < 0.7
+            ),
+            rounding,
+            radix,
+            random.randrange(30),
+        )
+        for rounding in Rounding
+        for radix in (2, 4)
+    ]
+    sizes = [(random.randrange(1, width), random.randrange(1, width + 1)) for _ in range(150)]
+    stimuli = [
+        {"dividend": random.randrange(-(1 << a), 1 << a), "divisor": random.randrange(1 << b)}
+        for a, b in sizes
+    ]
+    check(cores, stimuli)

@@ -1,4 +1,6 @@
-"""A reciprocal from a table is the defined one, whatever its interval, its registers and its multipliers."""
+"""A reciprocal from a table is the defined one, whatever its interval, registers and multipliers."""
+
+from random import Random
 
 import pytest
 from streaming import results
@@ -25,31 +27,48 @@ def divisors(low: int, high: int) -> Operand:
     return Operand(form=Fixed(width=10, fraction=5, signed=False), low=low, high=high)
 
 
-@pytest.mark.parametrize("registers", [0, 4, 11])
+def check(cores: list[TableNewtonReciprocal], raws: list[int]) -> None:
+    stimuli = [{"divisor": raw} for raw in raws]
+    for core, values in zip(cores, results(cores, stimuli, ("quotient", "outside")), strict=True):
+        for raw, value in zip(raws, values, strict=True):
+            assert value == core.compute(raw), (core.form, core.rounding, core.method, core.structure, raw)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("rounding", Rounding)
-def test_every_small_reciprocal_is_the_defined_one(rounding, registers):
-    divisor = divisors(0, 1023)
+def test_every_reciprocal_of_ten_bits_is_the_defined_one(rounding):
+    random = Random(rounding.value)
     cores = [
-        TableNewtonReciprocal(divisor, form, rounding, method, registers, on_block)
+        TableNewtonReciprocal(divisors(0, 1023), form, rounding, method, registers, random.random() < 0.5)
         for form in FORMS
         for method in METHODS
-        for on_block in (True, False)[method.iterations == 0 :]
+        for registers in (0, random.randrange(1, 15))
     ]
-    stimuli = [{"divisor": b} for b in range(1024)]
-    for core, values in zip(cores, results(cores, stimuli, ("quotient", "outside")), strict=True):
-        for stimulus, value in zip(stimuli, values, strict=True):
-            assert value == core.compute(**stimulus), (core.form, core.method, core.structure, stimulus)
+    check(cores, list(range(1024)))
 
 
 @pytest.mark.parametrize(("low", "high"), [(1, 1), (1, 9), (64, 127), (100, 700), (300, 1023), (1000, 1000)])
-def test_an_interval_leaves_the_reciprocals_inside_it_as_they_are(low, high):
-    divisor = divisors(low, high)
+def test_a_known_interval_leaves_the_reciprocals_inside_it_as_they_are(low, high):
+    random = Random(low)
     cores = [
-        TableNewtonReciprocal(divisor, form, Rounding.HALF_EVEN, method)
-        for form in FORMS
+        TableNewtonReciprocal(divisors(low, high), form, rounding, method, random.randrange(4))
+        for form in FORMS[:3]
         for method in METHODS
+        for rounding in (Rounding.HALF_UP, Rounding.FLOOR)
     ]
-    stimuli = [{"divisor": b} for b in range(low, high + 1)]
-    for core, values in zip(cores, results(cores, stimuli, ("quotient", "outside")), strict=True):
-        for stimulus, value in zip(stimuli, values, strict=True):
-            assert value == core.compute(**stimulus), (core.form, core.method, core.structure, stimulus)
+    check(cores, list(range(low, high + 1)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_wide_reciprocals_are_the_defined_ones(seed):
+    random = Random(seed)
+    cores, width = [], random.randrange(16, 37)
+    form = Fixed(width=width, fraction=random.randrange(30), signed=False)
+    operand = Operand(form=form, low=0, high=(1 << width) - 1)
+    for rounding in Rounding:
+        out = Fixed(width=random.randrange(8, 30), fraction=random.randrange(30))
+        method = TableNewton(index_bits=random.randrange(1, 9), iterations=random.randrange(3))
+        depth, on_block = random.randrange(12), random.random() < 0.5
+        cores.append(TableNewtonReciprocal(operand, out, rounding, method, depth, on_block))
+    check(cores, [random.randrange(1 << random.randrange(1, width + 1)) for _ in range(400)])

@@ -165,27 +165,31 @@ def table_structure(divisor: Operand, form: Fixed, rounding: Rounding, method: T
     """The structure of a reciprocal from a table: only the shifts that the divisor can need."""
     longest = max(divisor.high.bit_length(), 1)
     fraction = method.fractions(form)[-1]
-    slack = 2 << (fraction - method.index_bits)
-    least = (1 << fraction) - slack
+    steps, error = _newton_steps(longest, method, form)
 
-    def result(approximation: int, bits: int) -> int:
-        return rounded(approximation, fraction + bits - divisor.form.fraction - form.fraction, rounding)
+    def result(approximation: Fraction, bits: int) -> int:
+        dropped = fraction + bits - divisor.form.fraction - form.fraction
+        return int(rounded(int(approximation * (1 << fraction)), dropped, rounding))
+
+    def least(bits: int) -> int:
+        return result((1 - error) * Fraction(1 << bits, (1 << bits) - 1), bits)
 
     lengths = range(max(divisor.low, 1).bit_length(), longest + 1)
-    shortest = next((bits for bits in lengths if result(least, bits) <= form.highest), longest)
-    # Of the shortest divisors only those from ``low`` on can be there.
-    greatest = min((2 << fraction) - 1, (1 << (lengths[0] + fraction)) // max(divisor.low, 1) + slack)
+    shortest = next((bits for bits in lengths if least(bits) <= form.highest), longest)
+    # Of the shortest divisors only those from ``low`` on can be there, and no approximation reaches 2.
+    greatest = (1 + error) * Fraction(1 << lengths[0], max(divisor.low, 1))
+    greatest = min(greatest, 2 - Fraction(1, 1 << fraction))
     return TableStructure(
         longest=longest,
         shortest=shortest,
-        steps=_newton_steps(longest, method, form),
+        steps=steps,
         above=divisor.low == 0 or result(greatest, lengths[0]) > form.highest,
     )
 
 
-def _newton_steps(longest: int, method: TableNewton, form: Fixed) -> tuple[NewtonStep, ...]:
+def _newton_steps(longest: int, method: TableNewton, form: Fixed) -> tuple[tuple[NewtonStep, ...], Fraction]:
+    """The iterations, and a bound of |1 - divisor * approximation| after the last of them."""
     steps = []
-    # Of |1 - divisor * approximation|.
     error = _table_error(method)
     for fraction, target in pairwise(method.fractions(form)):
         kept = target + 2
@@ -200,7 +204,7 @@ def _newton_steps(longest: int, method: TableNewton, form: Fixed) -> tuple[Newto
         )
         # Newton squares the error; then the factor and the product are truncated.
         error = error**2 + (1 + error) * Fraction(1, 1 << kept) + Fraction(1, 1 << target)
-    return tuple(steps)
+    return tuple(steps), error
 
 
 def _table_error(method: TableNewton) -> Fraction:
