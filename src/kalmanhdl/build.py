@@ -89,7 +89,7 @@ def write_build(record: Record, folder: Path) -> None:
     """Write everything that a build made into a folder. Raises OSError, OutputError."""
     # Plots take a second to import.
     from kalmanhdl.graph.text import print_graph
-    from kalmanhdl.report import write_report
+    from kalmanhdl.report.writer import write_report
     from kalmanhdl.schedule.text import print_plan
 
     hardware = record.hardware

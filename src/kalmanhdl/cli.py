@@ -12,9 +12,11 @@ from kalmanhdl.console import Progress, reported
 if TYPE_CHECKING:
     from kalmanhdl.design import Design
     from kalmanhdl.pipeline import Hardware
+    from kalmanhdl.schedule.plan import Plan
     from kalmanhdl.simulate.data import Plots
 
 _MOST = 1_000_000_000
+_PICTURES = (".png", ".svg")
 
 app = typer.Typer(
     name="kalmanhdl",
@@ -193,12 +195,14 @@ def show(
     from kalmanhdl.schedule.text import print_plan
     from kalmanhdl.tables import design_tables
 
+    if out is not None and out.suffix.lower() not in _PICTURES:
+        raise typer.BadParameter(
+            f"{out}: its name ends in none of {', '.join(_PICTURES)}", param_hint="--out"
+        )
     chosen = _load(design, constant)
     typed, plan = planned_design(chosen)
     if out is not None:
-        from kalmanhdl.report.pictures import draw_schedule
-
-        draw_schedule(plan, chosen, out)
+        _draw(chosen, plan, out)
     if graph:
         typer.echo(print_graph(typed.graph), nl=False)
     if schedule:
@@ -207,6 +211,17 @@ def show(
         typer.echo(design_tables(chosen, typed, plan))
     if out is not None:
         typer.echo(f"schedule: {out}")
+
+
+def _draw(design: "Design", plan: "Plan", out: Path) -> None:
+    from kalmanhdl.output import new_file
+    from kalmanhdl.report.pictures import save_schedule
+    from kalmanhdl.schedule.summary import summarise
+    from kalmanhdl.target import device
+
+    summary = summarise(plan, device(design.target.device, design.target.grade))
+    with new_file(out) as file:
+        save_schedule(summary, design.name, file)
 
 
 def _load(path: Path, constants: list[str] | None) -> "Design":

@@ -1,4 +1,4 @@
-"""Folders of results that are whole or not there: made aside, put in place by one rename."""
+"""Folders and files of results, whole or not there: made aside, put in place by one rename."""
 
 import os
 import secrets
@@ -60,6 +60,27 @@ def new_folder(out: str | Path, *, force: bool = False) -> Iterator[Path]:
             _remove_empty(missing)
 
 
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """A file to write, which takes its place when the block ends, and is gone if it fails.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    aside = path.with_name(f".{secrets.token_hex(4)}.unfinished{path.suffix}")
+    try:
+        if path.is_dir():
+            raise OutputError(f"{_named(path)}: is a folder: name a file")
+        yield aside
+        aside.replace(path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"{_named(path)}: cannot be written: {reason}") from error
+    finally:
+        with suppress(OSError, ValueError):
+            aside.unlink(missing_ok=True)
+
+
 def _place(out: str | Path) -> Path:
     try:
         place = Path(out).expanduser().absolute()
@@ -77,13 +98,13 @@ def _place(out: str | Path) -> Path:
 
 def _refuse(place: Path, out: str | Path, force: bool) -> None:
     try:
-        there = os.path.lexists(place)
+        os.lstat(place)
         empty = place.is_dir() and not any(place.iterdir())
+    except (FileNotFoundError, NotADirectoryError):
+        return
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise OutputError(f"{_named(out)}: cannot be written: {reason}") from None
-    if not there:
-        return
     if not place.is_dir():
         raise OutputError(f"{_named(out)}: is a file: name a folder that is not there yet")
     if Path.cwd().is_relative_to(place):
