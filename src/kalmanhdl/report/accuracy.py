@@ -125,6 +125,11 @@ def mean_nis(nis: Array, used: NDArray[np.bool_]) -> Consistency:
     )
 
 
+def featured(simulation: Simulation) -> int:
+    """The track that stands for all: the one with most estimates, the first among equals."""
+    return int(np.argmax(simulation.valid.sum(axis=0)))
+
+
 def against_truth(simulation: Simulation, estimate: Array) -> Array:
     """The root mean square error of each state, NaN where its truth is not known. Shape (n,)."""
     truth = simulation.plots.truth

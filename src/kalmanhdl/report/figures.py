@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.models import ColumnDataSource, CustomJSTickFormatter, HoverTool, Range1d
 from bokeh.plotting import figure as bokeh_figure
 from numpy.typing import NDArray
 
-from kalmanhdl.report.accuracy import updated
+from kalmanhdl.report.accuracy import featured, measured_states, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
 from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, label, plane, points, seen_pair, with_unit
@@ -21,21 +21,37 @@ Array = NDArray[np.float64]
 # What one figure holds at most: points, tracks, ellipses.
 _POINTS = 2400
 TRACKS = 8
-_ELLIPSES = 48
+_ELLIPSES = 36
 _INK = "#767e89"
 _GRID = "rgba(128, 134, 142, 0.22)"
+# The float reference and, on top of it, the bit-exact filter.
+_BROAD = {"line_width": 4, "line_alpha": 0.3}
+_NARROW = {"line_width": 1.3}
+_TICK = "return String(Number(tick.toPrecision(6))).replace(/-/g, '\u2212')"
 _TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
 
 def track_figure(record: Record, simulation: Simulation) -> object:
-    """The tracks on their plane, with ellipses that hold 95 %."""
-    model, shown = record.hardware.design.model, plane(record.hardware.design.model)
+    """The featured track on its plane, with ellipses that hold 95 %."""
+    shown = plane(record.hardware.design.model)
     if shown.kind is Kind.TIME:
         return state_figure(record, simulation, shown.states[0], height=360)
-    drawn = _figure(*shown.labels, height=560, match_aspect=True)
-    tracks = range(min(TRACKS, len(simulation.plots.tracks)))
+    return _plane_figure(record, simulation, shown, [featured(simulation)])
+
+
+def tracks_figure(record: Record, simulation: Simulation) -> object | None:
+    """Several tracks on their plane; None where there is one track, or no plane."""
+    shown, count = plane(record.hardware.design.model), len(simulation.plots.tracks)
+    if shown.kind is Kind.TIME or count == 1:
+        return None
+    return _plane_figure(record, simulation, shown, list(range(min(TRACKS, count))))
+
+
+def _plane_figure(record: Record, simulation: Simulation, shown: Plane, tracks: list[int]) -> object:
+    model = record.hardware.design.model
+    drawn = _figure(*shown.labels, height=460, match_aspect=True)
     _draw_lines(drawn, record, simulation, shown, tracks)
-    every = max(1, int(simulation.valid[:, list(tracks)].sum()) // _ELLIPSES)
+    every = max(1, int(simulation.valid[:, tracks].sum()) // _ELLIPSES)
     lines = [
         ellipse(shown, simulation.exact.x[k, t], simulation.exact.P[k, t])
         for t in tracks
@@ -49,13 +65,13 @@ def track_figure(record: Record, simulation: Simulation) -> object:
         line_alpha=0.55,
         legend_label="95 % ellipse",
     )
-    seen = points(shown, seen_pair(model, shown, simulation.plots.z[:, list(tracks)])).reshape(-1, 2)
+    seen = points(shown, seen_pair(model, shown, simulation.plots.z[:, tracks])).reshape(-1, 2)
     drawn.scatter(*_thinned(seen).T, size=4, color=AMBER, alpha=0.8, line_color=None, legend_label="plots")
     return _finished(drawn)
 
 
 def _draw_lines(
-    drawn: bokeh_figure, record: Record, simulation: Simulation, shown: Plane, tracks: range
+    drawn: bokeh_figure, record: Record, simulation: Simulation, shown: Plane, tracks: list[int]
 ) -> None:
     states = list(shown.states)
     truth = simulation.plots.truth
@@ -75,31 +91,33 @@ def _draw_lines(
 
 
 def state_figure(record: Record, simulation: Simulation, state: int, height: int = 250) -> object:
-    """One state of the first track: plots where it is measured, truth, and the estimate in its band."""
+    """One state of the featured track: plots where it is measured, truth, and the estimate in its band."""
     model = record.hardware.design.model
-    rows, x, title = _axis(simulation)
+    rows, track, x, title = _axis(simulation)
     drawn = _figure(title, label(model, state), height=height)
-    value = simulation.exact.x[rows, 0, state]
-    half = 1.96 * np.sqrt(np.maximum(simulation.exact.P[rows, 0, state, state], 0))
+    value = simulation.exact.x[rows, track, state]
+    half = 1.96 * np.sqrt(np.maximum(simulation.exact.P[rows, track, state, state], 0))
     drawn.varea(x, value - half, value + half, color=BLUE, fill_alpha=0.15, legend_label="estimate ± 1.96 σ")
-    for j, p in _seen(record).items():
+    for j, p in measured_states(model).items():
         if p == state:
-            plot = (simulation.plots.z[rows, 0, j] - model.measurement_offset[j]) / model.H[j, p]
+            plot = (simulation.plots.z[rows, track, j] - model.measurement_offset[j]) / model.H[j, p]
             drawn.scatter(x, plot, size=4, color=AMBER, alpha=0.85, line_color=None, legend_label="plots")
     if simulation.plots.truth is not None:
-        drawn.line(x, simulation.plots.truth[rows, 0, state], color=GREEN, line_width=2, legend_label="truth")
+        drawn.line(
+            x, simulation.plots.truth[rows, track, state], color=GREEN, line_width=2, legend_label="truth"
+        )
     drawn.line(x, value, color=BLUE, line_width=1.6, legend_label="estimate ± 1.96 σ")
     return _finished(drawn)
 
 
 def innovation_figure(record: Record, simulation: Simulation, j: int) -> object:
-    """One innovation of the first track with the band that holds 95 % if the model is right."""
+    """One innovation of the featured track with the band that holds 95 % if the model is right."""
     model = record.hardware.design.model
-    rows, x, title = _axis(simulation)
+    rows, track, x, title = _axis(simulation)
     S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))
-    half = 1.96 * np.sqrt(S[rows, 0, j, j])
-    used = updated(simulation, model.initial.before_update)[rows, 0, j]
-    value = np.where(used, simulation.exact.innovation[rows, 0, j], np.nan)
+    half = 1.96 * np.sqrt(S[rows, track, j, j])
+    used = updated(simulation, model.initial.before_update)[rows, track, j]
+    value = np.where(used, simulation.exact.innovation[rows, track, j], np.nan)
     drawn = _figure(title, _measured(record, j), height=230)
     drawn.varea(x, -half, half, color=GREY, fill_alpha=0.2, legend_label="± 1.96 √S")
     drawn.line(x, value, color=BLUE, line_width=1, line_alpha=0.6)
@@ -118,31 +136,26 @@ def inside_band(record: Record, simulation: Simulation, j: int) -> tuple[int, in
 
 
 def deviation_figure(record: Record, simulation: Simulation) -> object:
-    """The standard deviations of the first track: reference and bit-exact."""
+    """The standard deviations of the featured track: reference and bit-exact."""
     model = record.hardware.design.model
-    rows, x, title = _axis(simulation)
+    rows, track, x, title = _axis(simulation)
     drawn = _figure(title, "standard deviation", height=300, y_axis_type="log")
+    both = ((simulation.reference.P, _BROAD), (simulation.exact.P, _NARROW))
     for i, color in zip(range(model.n), _colors(model.n), strict=True):
-        for P, dash, width, suffix in (
-            (simulation.reference.P, "solid", 3.5, ""),
-            (simulation.exact.P, "solid", 1.3, None),
-        ):
-            deviation = np.sqrt(np.where(P[rows, 0, i, i] > 0, P[rows, 0, i, i], np.nan))
-            legend = {} if suffix is None else {"legend_label": label(model, i)}
-            alpha = 0.3 if suffix == "" else 1.0
-            drawn.line(
-                x, deviation, color=color, line_width=width, line_alpha=alpha, line_dash=dash, **legend
-            )
-    return _finished(drawn)
+        for P, style in both:
+            variance = P[rows, track, i, i]
+            deviation = np.sqrt(np.where(variance > 0, variance, np.nan))
+            drawn.line(x, deviation, color=color, legend_label=label(model, i), **style)
+    return _finished(drawn, columns=2)
 
 
 def gain_figure(record: Record, simulation: Simulation) -> object:
-    """The gains of the first track that their covariances mean: reference and bit-exact."""
+    """The gains of the featured track that their covariances mean: reference and bit-exact."""
     model = record.hardware.design.model
-    rows, x, title = _axis(simulation)
-    used = updated(simulation, model.initial.before_update)[rows, :1]
+    rows, track, x, title = _axis(simulation)
+    used = updated(simulation, model.initial.before_update)[rows, track]
     both = [
-        gains(model, priors(model, simulation, P)[rows, :1], used)[:, 0]
+        gains(model, priors(model, simulation, P)[rows, track], used)
         for P in (simulation.reference.P, simulation.exact.P)
     ]
     drawn = _figure(title, "|gain|", height=300, y_axis_type="log")
@@ -150,11 +163,10 @@ def gain_figure(record: Record, simulation: Simulation) -> object:
     shown = np.argwhere(last > 0)[: 2 * len(SERIES)]
     for (i, j), color in zip(shown, _colors(len(shown)), strict=True):
         name = f"{model.state_names[i]} ← {model.measurement_names[j]}".replace("_", " ")
-        for K, width, alpha in ((both[0], 3.5, 0.3), (both[1], 1.3, 1.0)):
-            legend = {"legend_label": name} if alpha == 1.0 else {}
+        for K, style in zip(both, (_BROAD, _NARROW), strict=True):
             value = np.where(K[:, i, j] != 0, np.abs(K[:, i, j]), np.nan)
-            drawn.line(x, value, color=color, line_width=width, line_alpha=alpha, **legend)
-    return _finished(drawn)
+            drawn.line(x, value, color=color, legend_label=name, **style)
+    return _finished(drawn, columns=2)
 
 
 def quantisation_figure(record: Record, simulation: Simulation, state: int) -> object:
@@ -210,26 +222,22 @@ def _cycles(start: int, end: int) -> str:
     return str(start) if start == end else f"{start} to {end}"
 
 
-def _seen(record: Record) -> dict[int, int]:
-    from kalmanhdl.report.accuracy import measured_states
-
-    return measured_states(record.hardware.design.model)
-
-
 def _measured(record: Record, j: int) -> str:
     model = record.hardware.design.model
-    unit = model.state_units[_seen(record)[j]] if j in _seen(record) and model.H[j].max() == 1 else ""
-    return with_unit(model.measurement_names[j], unit)
+    state = measured_states(model).get(j)
+    unit = model.state_units[state] if state is not None and model.H[j, state] == 1 else ""
+    return with_unit(f"innovation of {model.measurement_names[j]}", unit)
 
 
-def _axis(simulation: Simulation) -> tuple[NDArray[np.int64], Array, str]:
-    """The rows of the first track, at most so many from evenly over it, and their times or steps."""
-    rows = np.flatnonzero(simulation.plots.active[:, 0])
+def _axis(simulation: Simulation) -> tuple[NDArray[np.int64], int, Array, str]:
+    """Rows spread evenly over the featured track, the track, and the times or steps of the rows."""
+    track = featured(simulation)
+    rows = np.flatnonzero(simulation.plots.active[:, track])
     rows = rows[:: 1 + len(rows) // _POINTS]
     time = simulation.plots.time
-    if time is not None and np.isfinite(time[rows, 0]).all():
-        return rows, time[rows, 0], "time (s)"
-    return rows, rows.astype(np.float64), "step"
+    if time is not None and np.isfinite(time[rows, track]).all():
+        return rows, track, time[rows, track], "time (s)"
+    return rows, track, rows.astype(np.float64), "step"
 
 
 def _thinned(path: Array) -> Array:
@@ -252,7 +260,7 @@ def _figure(x: str, y: str, height: int, **more: object) -> bokeh_figure:
     )
 
 
-def _finished(drawn: bokeh_figure) -> bokeh_figure:
+def _finished(drawn: bokeh_figure, columns: int | None = None) -> bokeh_figure:
     """Quiet axes on no background, so that the page's own shows, light or dark."""
     drawn.toolbar.logo = None
     drawn.toolbar.autohide = True
@@ -262,6 +270,7 @@ def _finished(drawn: bokeh_figure) -> bokeh_figure:
     for axis in drawn.axis:
         axis.axis_line_color = axis.major_tick_line_color = _GRID
         axis.minor_tick_line_color = None
+        axis.formatter = CustomJSTickFormatter(code=_TICK)
         axis.major_label_text_color = axis.axis_label_text_color = _INK
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_font_size = axis.major_label_text_font_size = "12px"
@@ -275,5 +284,5 @@ def _finished(drawn: bokeh_figure) -> bokeh_figure:
         legend.click_policy = "hide"
         legend.orientation = "horizontal"
         legend.spacing, legend.padding, legend.margin = 14, 2, 0
-        legend.ncols = "auto"
+        legend.ncols = columns or "auto"
     return drawn

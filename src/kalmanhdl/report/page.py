@@ -8,9 +8,10 @@ from bokeh.resources import Resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from kalmanhdl import __version__
+from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.report import figures
-from kalmanhdl.report.accuracy import rate_sources
-from kalmanhdl.report.geometry import Kind, plane
+from kalmanhdl.report.accuracy import featured
+from kalmanhdl.report.geometry import Kind, plane, with_unit
 from kalmanhdl.report.record import Record
 from kalmanhdl.report.tiles import tiles
 from kalmanhdl.report.wording import number, percent, prefixed
@@ -44,6 +45,7 @@ def page(record: Record, document: dict[str, Any]) -> str:
         figures=divisions,
         tiles=tiles(document),
         captions=_captions(record),
+        quantities=_quantities(record.hardware.design.model),
         states=[s for s in range(record.hardware.design.model.n) if f"state{s}" in drawn],
         innovations=[j for j in range(record.hardware.design.model.m) if f"innovation{j}" in drawn],
     )
@@ -57,10 +59,23 @@ def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:
         "deviation": figures.deviation_figure(record, simulation),
         "gain": figures.gain_figure(record, simulation),
     }
+    tracks = figures.tracks_figure(record, simulation)
+    drawn |= {} if tracks is None else {"tracks": tracks}
     drawn |= {f"state{i}": figures.state_figure(record, simulation, i) for i in shown}
     drawn |= {f"error{i}": figures.quantisation_figure(record, simulation, i) for i in shown}
     measured = range(min(model.m, _SHOWN))
     return drawn | {f"innovation{j}": figures.innovation_figure(record, simulation, j) for j in measured}
+
+
+def _quantities(model: LinearModel) -> dict[str, str]:
+    """What stands behind the letters of inputs, states and outputs."""
+    named = enumerate(zip(model.state_names, model.state_units, strict=True))
+    names = {f"x[{i}]": with_unit(name, unit) for i, (name, unit) in named}
+    names |= {f"P[{i},{i}]": f"variance of {name}" for i, name in enumerate(model.state_names)}
+    names |= {f"z[{j}]": name for j, name in enumerate(model.measurement_names)}
+    names |= {f"innovation[{j}]": f"innovation of {name}" for j, name in enumerate(model.measurement_names)}
+    names |= {f"u[{k}]": name for k, name in enumerate(model.control_names)}
+    return {signal: name.replace("_", " ") for signal, name in names.items()}
 
 
 def _captions(record: Record) -> dict[str, Any]:
@@ -70,12 +85,11 @@ def _captions(record: Record) -> dict[str, Any]:
         return {}
     tracks = simulation.plots.tracks
     return {
-        "first_track": tracks[0],
+        "track": tracks[featured(simulation)],
         "tracks": len(tracks),
         "tracks_drawn": min(len(tracks), figures.TRACKS),
         "polar": plane(model).kind is Kind.POLAR,
         "plane": plane(model).kind is not Kind.TIME,
         "truth": simulation.plots.truth is not None,
-        "rates": bool(rate_sources(model)),
         "inside": [figures.inside_band(record, simulation, j) for j in range(model.m)],
     }

@@ -31,7 +31,7 @@ def _speed(document: dict[str, Any]) -> list[Tile]:
     tracks = "one track" if channels == 1 else f"{channels} tracks in turn"
     return [
         Tile(
-            title="Updates per second",
+            title="Updates/s",
             value=prefixed(figures["updates_per_second"], "", 4).strip(),
             note=f"one every {_cycles(interval)}, {tracks}",
         ),

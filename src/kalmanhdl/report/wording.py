@@ -2,6 +2,7 @@
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 MISSING = "–"
+_MINUS = "−"
 
 
 def number(value: float | int | str | None, digits: int = 4) -> str:
@@ -11,7 +12,7 @@ def number(value: float | int | str | None, digits: int = 4) -> str:
     if isinstance(value, str | bool):
         return str(value)
     if isinstance(value, int) or (float(value).is_integer() and abs(value) < 1e9):
-        return f"{int(value):,}".replace(",", "\u202f")
+        return f"{int(value):,}".replace(",", "\u202f").replace("-", _MINUS)
     return _plain(value, digits)
 
 
@@ -27,11 +28,11 @@ def prefixed(value: float | None, unit: str, digits: int = 4) -> str:
 
 def percent(value: float | None, digits: int = 2) -> str:
     """A ratio in per cent, with its sign."""
-    return MISSING if value is None else f"{100 * value:+.{digits}f} %"
+    return MISSING if value is None else f"{100 * value:+.{digits}f} %".replace("-", _MINUS)
 
 
 def _plain(value: float, digits: int) -> str:
-    text = f"{value:.{digits}g}"
+    text = f"{value:.{digits}g}".replace("-", _MINUS, value < 0)
     if "e" not in text:
         return text
     mantissa, exponent = text.split("e")

@@ -1,0 +1,117 @@
+"""Pictures for a terminal's user and a README: the track, and the schedule, by matplotlib."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from kalmanhdl.report.accuracy import featured
+from kalmanhdl.report.geometry import Kind, Plane, ellipse, plane, points, seen_pair
+from kalmanhdl.report.lanes import lanes
+from kalmanhdl.report.palette import AMBER, BLUE, GREEN, SERIES
+from kalmanhdl.report.record import Record
+from kalmanhdl.schedule.summary import Summary
+from kalmanhdl.simulate.side_by_side import Simulation
+
+_ELLIPSES = 30
+_POINTS = 20_000
+_INK = "#4a525b"
+
+
+def save_track(record: Record, simulation: Simulation, path: Path) -> None:
+    """The featured track with ellipses of 95 %; the suffix of the path chooses PNG or SVG."""
+    shown = plane(record.hardware.design.model)
+    figure, axes = _axes(8.0, 5.0)
+    track = featured(simulation)
+    if shown.kind is Kind.TIME:
+        _draw_over_time(axes, record, simulation, shown, track)
+    else:
+        _draw_on_plane(axes, record, simulation, shown, track)
+    axes.set_xlabel(shown.labels[0])
+    axes.set_ylabel(shown.labels[1])
+    axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
+    axes.set_title(f"{record.hardware.design.name}, track {simulation.plots.tracks[track]}", **_TITLE)
+    _save(figure, path)
+
+
+def save_schedule(summary: Summary, name: str, path: Path) -> None:
+    """The operations of one step over clock cycles; the suffix of the path chooses PNG or SVG."""
+    bars = lanes(summary.rows)
+    groups = list(dict.fromkeys(bar.group for bar in bars))
+    count = 1 + max((bar.lane for bar in bars), default=0)
+    figure, axes = _axes(9.0, min(9.0, 1.6 + 0.075 * count))
+    for k, group in enumerate(groups):
+        boxes = [
+            [(b.left + 0.04, b.lane + 0.08), (b.right - 0.04, b.lane + 0.08),
+             (b.right - 0.04, b.lane + 0.92), (b.left + 0.04, b.lane + 0.92)]
+            for b in bars if b.group == group
+        ]  # fmt: skip
+        axes.add_collection(PolyCollection(boxes, facecolors=SERIES[k % len(SERIES)]))
+    axes.set_xlim(-0.2, summary.latency_cycles + 0.2)
+    axes.set_ylim(count + 0.5, -0.5)
+    axes.set_yticks([])
+    axes.set_xlabel("clock cycle")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    patches = [Patch(color=SERIES[k % len(SERIES)], label=group) for k, group in enumerate(groups)]
+    axes.legend(handles=patches, frameon=False, fontsize=8, labelcolor=_INK, ncols=4,
+                loc="lower left", bbox_to_anchor=(0, 1.0))  # fmt: skip
+    title = f"{name}: one step in {summary.latency_cycles} clock cycles"
+    figure.suptitle(title, fontsize=11, color=_INK, x=0.01, ha="left")
+    _save(figure, path)
+
+
+_TITLE: dict[str, Any] = {"fontsize": 11, "color": _INK, "loc": "left"}
+
+
+def _draw_on_plane(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
+    model, plots, states = record.hardware.design.model, simulation.plots, list(shown.states)
+    seen = points(shown, seen_pair(model, shown, plots.z[:, track]))[:_POINTS]
+    axes.plot(*seen.T, ".", color=AMBER, markersize=4, label="plots")
+    if plots.truth is not None:
+        axes.plot(*points(shown, plots.truth[:, track][:, states]).T, color=GREEN, label="truth")
+    exact = simulation.exact
+    axes.plot(*points(shown, exact.x[:, track][:, states]).T, color=BLUE, label="estimate, bit-exact")
+    rows = np.flatnonzero(simulation.valid[:, track])
+    for k in rows[:: 1 + len(rows) // _ELLIPSES]:
+        around = ellipse(shown, exact.x[k, track], exact.P[k, track])
+        axes.plot(
+            *around.T, color=BLUE, linewidth=0.7, alpha=0.6, label="95 % ellipse" if k == rows[0] else None
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def _draw_over_time(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
+    model, plots, i = record.hardware.design.model, simulation.plots, shown.states[0]
+    x, P = simulation.exact.x[:_POINTS, track, i], simulation.exact.P[:_POINTS, track, i, i]
+    step, half = np.arange(len(x)), 1.96 * np.sqrt(np.maximum(P, 0))
+    axes.fill_between(step, x - half, x + half, color=BLUE, alpha=0.15, linewidth=0, label="95 % band")
+    if shown.measurements:
+        seen = seen_pair(model, shown, plots.z[:_POINTS, track])[:, 0]
+        axes.plot(step, seen, ".", color=AMBER, markersize=4, label="plots")
+    if plots.truth is not None:
+        axes.plot(step, plots.truth[:_POINTS, track, i], color=GREEN, label="truth")
+    axes.plot(step, x, color=BLUE, label="estimate, bit-exact")
+
+
+def _axes(width: float, height: float) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e3e6ea", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=_INK, labelsize=9)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set(color=_INK, fontsize=10)
+    return figure, axes
+
+
+def _save(figure: Figure, path: Path) -> None:
+    # No date and no random names, so that equal builds give equal files.
+    with mpl.rc_context({"svg.hashsalt": "kalmanhdl"}):
+        figure.savefig(path, dpi=130, metadata={"Date": None} if path.suffix == ".svg" else None)
