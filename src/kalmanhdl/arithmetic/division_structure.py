@@ -216,3 +216,11 @@ def _table_error(method: TableNewton) -> Fraction:
         for edge in (count + index, count + index + 1)
     )
     return Fraction(worst, unit)
+
+
+def in_one_table(divisor: Operand, method: TableNewton) -> bool:
+    """Whether the table addressed by the whole divisor is no larger than twice the method's own.
+
+    Then every reciprocal is looked up as it comes out, and nothing is shifted.
+    """
+    return divisor.width <= method.index_bits + 1

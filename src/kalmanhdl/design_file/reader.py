@@ -227,6 +227,7 @@ def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:
         scale=checked.scale,
         covariance_scale=checked.covariance_scale,
         division=checked.division,
+        coast=checked.coast,
     )
 
 

@@ -131,6 +131,7 @@ class FixedTable(Table):
     scale: Scales = "auto"
     covariance_scale: Scale = "auto"
     division: Division = Field(default_factory=LongDivision)
+    coast: Integer = 5
     signals: Forms = Field(default_factory=dict)
 
     def classes(self, names: tuple[str, ...]) -> dict[str, Form]:

@@ -85,7 +85,7 @@ def _numerics(numerics: FixedSpecification) -> Lines:
     lines.append(f"overflow = {_text(numerics.overflow.value)}")
     lines.append(f"scale = {_scale(numerics.scale)}")
     lines.append(f"covariance_scale = {_scale(numerics.covariance_scale)}")
-    return [*lines, f"division = {_division(numerics.division)}"]
+    return [*lines, f"division = {_division(numerics.division)}", f"coast = {numerics.coast}"]
 
 
 def _signals(numerics: FixedSpecification) -> Lines:

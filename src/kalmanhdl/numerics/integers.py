@@ -24,22 +24,13 @@ class Numbers:
     typed: TypedGraph
 
 
-def numbers(
-    model: LinearModel, update: Update, specification: FixedSpecification, data: Plots | None = None
-) -> Numbers:
-    """The integers of one step of an algorithm on a model.
-
-    Formats rest on tracks simulated from the model, and on ``data`` (in the model's units) where given.
-    """
-    plots = [simulated(model)] + ([data] if data is not None else [])
+def numbers(model: LinearModel, update: Update, specification: FixedSpecification) -> Numbers:
+    """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
+    plots = simulated(model, specification.coast)
     scaling = units(model, update, specification, plots)
     inner = scaled(model, scaling)
     graph = balanced(trace(inner, update))
-    ranges = None
-    for each in plots:
-        seen = observed(graph, inner, in_units(each, scaling))
-        ranges = seen if ranges is None else ranges.united(seen)
-    assert ranges is not None
+    ranges = observed(graph, inner, in_units(plots, scaling))
     typed = quantise(graph, ranges, specification, scaling.units(model))
     return Numbers(scaling=scaling, graph=graph, typed=typed)
 

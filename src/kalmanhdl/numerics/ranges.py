@@ -13,8 +13,8 @@ from kalmanhdl.model.state_space import LinearModel
 Array = NDArray[np.float64]
 
 STEPS, TRACKS, SEED = 64, 256, 1960
-# Half of the tracks miss nothing; of the rest a component misses one plot in five, and some five in a row.
-_MISSED, _BURST = 0.2, 5
+# Half of the tracks miss nothing; of the rest a component misses one plot in five.
+_MISSED = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +37,13 @@ class Ranges:
     low: tuple[float, ...]
     high: tuple[float, ...]
 
-    def united(self, other: "Ranges") -> "Ranges":
-        """What covers both."""
-        return Ranges(low=tuple(map(min, self.low, other.low)), high=tuple(map(max, self.high, other.high)))
 
-
-def simulated(model: LinearModel, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED) -> Plots:
+def simulated(
+    model: LinearModel, coast: int, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED
+) -> Plots:
     """Tracks drawn from the model: truth by F and Q, plots by H and R, with missed ones among them.
 
+    No component is missed more than ``coast`` times in a row, and in some tracks all are so often.
     A track counts for as long as its plots stay within the model's declared ranges. Controls, whose law
     the model does not know, are standard normal in the units of the model.
     """
@@ -64,7 +63,7 @@ def simulated(model: LinearModel, steps: int = STEPS, tracks: int = TRACKS, seed
         low, high = model.measurement_range.T
         inside = np.all((z >= low) & (z <= high), axis=2)
         relevant = np.logical_and.accumulate(inside, axis=0)
-    return Plots(z=z, u=u, valid=_valid(model, random, steps, tracks), relevant=relevant)
+    return Plots(z=z, u=u, valid=_valid(model, random, steps, tracks, coast), relevant=relevant)
 
 
 def observed(graph: Graph, model: LinearModel, plots: Plots) -> Ranges:
@@ -162,13 +161,20 @@ def _started(model: LinearModel, random: np.random.Generator, tracks: int) -> Ar
     return x + wrong @ inverse.T if not initial.before_update else x
 
 
-def _valid(model: LinearModel, random: np.random.Generator, steps: int, tracks: int) -> NDArray[np.bool_]:
+def _valid(
+    model: LinearModel, random: np.random.Generator, steps: int, tracks: int, coast: int
+) -> NDArray[np.bool_]:
     valid = np.ones((steps, tracks, model.m), bool)
-    half = tracks // 2
+    half, begin = tracks // 2, steps // 2
     valid[:, half:] = random.random((steps, tracks - half, model.m)) >= _MISSED
-    begin = steps // 2
-    valid[begin : begin + _BURST, half + half // 2 :] = False
-    valid[: model.initial.points] = True
+    valid[begin : begin + coast, half + half // 2 :] = False
+    # A start from a given belief may well come without a measurement; one from measurements may not.
+    valid[: model.initial.points] = not model.initial.before_update
+    valid[: model.initial.points, :half] = True
+    missed = np.zeros((tracks, model.m), int)
+    for row in valid:
+        row |= missed >= coast
+        missed = np.where(row, 0, missed + 1)
     return valid
 
 

@@ -14,6 +14,7 @@ MAX_WIDTH = 1024
 MAX_FRACTION = 4096
 MAX_INDEX_BITS = 16
 MAX_ITERATIONS = 8
+MAX_COAST = 32
 DEFAULT_WIDTH = 16
 
 SIGNAL_CLASSES = (
@@ -49,6 +50,8 @@ class FixedSpecification:
     decoupled component: the general form of the normalisation by sigma**2 of lee1997, eq. 14; one number
     for all, or one per state, equal within a component.
 
+    The formats hold what runs of up to ``coast`` missed measurements do to the covariance.
+
     Raises:
         DesignError: a class, a signal, a format, a scale or a method that cannot be.
     """
@@ -61,6 +64,7 @@ class FixedSpecification:
     scale: Literal["auto"] | tuple[float, ...] = "auto"
     covariance_scale: Literal["auto"] | float | tuple[float, ...] = "auto"
     division: DivisionMethod = field(default_factory=LongDivision)
+    coast: int = 5
 
     def __post_init__(self) -> None:
         _check_form("width", self.width)
@@ -77,6 +81,14 @@ class FixedSpecification:
         _check_scale("scale", self.scale)
         _check_scale("covariance_scale", self.covariance_scale)
         _check_division(self.division)
+        if (
+            isinstance(self.coast, bool)
+            or not isinstance(self.coast, int)
+            or not 0 <= self.coast <= MAX_COAST
+        ):
+            raise InvalidValueError(
+                "numerics", "coast", f" = {shown(self.coast)}: an integer from 0 to {MAX_COAST}"
+            )
 
     def form(self, signal_class: str, signal: str | None = None) -> Form:
         """The format asked for: the signal's own, else its class's, else the default width."""

@@ -16,9 +16,7 @@ from kalmanhdl.numerics.specification import FixedSpecification
 Array = NDArray[np.float64]
 
 
-def units(
-    model: LinearModel, update: Update, specification: FixedSpecification, plots: list[Plots]
-) -> Scaling:
+def units(model: LinearModel, update: Update, specification: FixedSpecification, plots: Plots) -> Scaling:
     """The scaling a design asks for.
 
     "auto": one unit of a state is the power of two that brings its values over the plots just inside
@@ -29,14 +27,10 @@ def units(
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)
     else:
-        ranges = [observed(graph, model, each) for each in plots]
-        widest = ranges[0]
-        for other in ranges[1:]:
-            widest = widest.united(other)
-        roots = dict(graph.states)
-        state = np.array([_unit(widest, roots[f"x[{i}]"], specification) for i in range(model.n)])
+        ranges, roots = observed(graph, model, plots), dict(graph.states)
+        state = np.array([_unit(ranges, roots[f"x[{i}]"], specification) for i in range(model.n)])
     measurement = _measurement_units(model, state, plots)
-    control = np.array([_power(float(np.abs(plots[0].u[..., k]).max())) for k in range(model.p)])
+    control = np.array([_power(float(np.abs(plots.u[..., k]).max())) for k in range(model.p)])
     return Scaling(
         state=state,
         measurement=measurement,
@@ -57,14 +51,14 @@ def _power(value: float) -> float:
     return 2.0 ** (exponent - (mantissa == 0.5)) if value > 0 else 1.0
 
 
-def _measurement_units(model: LinearModel, state: Array, plots: list[Plots]) -> Array:
+def _measurement_units(model: LinearModel, state: Array, plots: Plots) -> Array:
     units = np.empty(model.m)
     for j, row in enumerate(model.H):
         seen = np.flatnonzero(row)
         if len(seen) == 1:
             units[j] = state[seen[0]] * _power(abs(row[seen[0]]))
         else:
-            units[j] = _power(float(np.abs(plots[0].z[..., j]).max()))
+            units[j] = _power(float(np.abs(plots.z[..., j]).max()))
     return units
 
 

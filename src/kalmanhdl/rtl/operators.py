@@ -3,11 +3,12 @@
 from amaranth.hdl import Shape
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
-from kalmanhdl.arithmetic.division_structure import ONE, Operand
+from kalmanhdl.arithmetic.division_structure import ONE, Operand, in_one_table
 from kalmanhdl.graph.operations import Divide, Reciprocal
 from kalmanhdl.rtl.divider import LongDivider
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
+from kalmanhdl.rtl.reciprocal_table import ReciprocalTable
 from kalmanhdl.schedule.plan import Plan
 
 
@@ -16,12 +17,14 @@ def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
     return Multiplier(a, b, plan.registers[index], index in plan.on_multiplier_block)
 
 
-def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal:
+def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal | ReciprocalTable:
     """The core of a division or, without the port ``dividend``, of a reciprocal."""
     operation, typed = plan.typed.graph.operations[index], plan.typed
     form, rounding, registers = typed.formats[index], typed.division_rounding, plan.registers[index]
     assert form is not None
     match operation, typed.division:
+        case Reciprocal(a), TableNewton() as method if in_one_table(_operand(plan, a), method):
+            return ReciprocalTable(_operand(plan, a), form, rounding, method, registers)
         case Reciprocal(a), TableNewton() as method:
             on_block = index in plan.on_multiplier_block
             return TableNewtonReciprocal(_operand(plan, a), form, rounding, method, registers, on_block)

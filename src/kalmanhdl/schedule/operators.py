@@ -13,6 +13,7 @@ from kalmanhdl.arithmetic.division_structure import (
     ONE,
     Operand,
     TableStructure,
+    in_one_table,
     long_structure,
     row_weights,
     table_structure,
@@ -142,7 +143,12 @@ def is_multiplier(typed: TypedGraph, index: int) -> bool:
     """Whether an operation gains from multiplier blocks."""
     operation = typed.graph.operations[index]
     if isinstance(operation, Reciprocal):
-        return isinstance(typed.division, TableNewton) and typed.division.iterations > 0
+        method = typed.division
+        return (
+            isinstance(method, TableNewton)
+            and method.iterations > 0
+            and not in_one_table(_operand(typed, operation.a), method)
+        )
     if not isinstance(operation, Multiply):
         return False
     return min(rows(typed, operation.a), rows(typed, operation.b)) > _ROWS_ALWAYS_IN_LOGIC
@@ -273,8 +279,10 @@ def _long_division(kind: str, typed: TypedGraph, index: int, divisor: int, devic
 def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block: bool) -> Operator:
     if isinstance(typed.division, LongDivision):
         return _long_division("reciprocal", typed, index, a, device)
-    form, rounding = _number(typed, index), typed.division_rounding
-    structure = table_structure(_operand(typed, a), form, rounding, typed.division)
+    form, rounding, divisor = _number(typed, index), typed.division_rounding, _operand(typed, a)
+    if in_one_table(divisor, typed.division):
+        return Operator(kind="reciprocal", pieces=(_delay(device, "table", divisor.width),))
+    structure = table_structure(divisor, form, rounding, typed.division)
     places = max(1, structure.positions - 1)
     normalise = _delay(device, "leading_one", places) + _delay(device, "shift", structure.longest)
     pieces = [normalise, _delay(device, "table", typed.division.index_bits)]

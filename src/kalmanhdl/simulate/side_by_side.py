@@ -47,17 +47,15 @@ class Simulation:
     @property
     def saturations(self) -> int:
         """How often a value that matters did not fit its format."""
-        return sum(self.trace.saturations.values())
+        return sum(self.trace.violations.values())
 
 
 def simulate(model: LinearModel, update: Update, numbers: Numbers, plots: Plots) -> Simulation:
     """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
     stimulus = stimulus_of(model, numbers.typed, plots)
     given = stimulus.commands
-    trace = Engine.of(numbers.typed).run(
-        stimulus.inputs, stimulus.flags, active=given != Command.NONE, monitor=True
-    )
     valid = started(model, given)
+    trace = _run(numbers.typed, stimulus, valid)
     return Simulation(
         plots=plots,
         stimulus=stimulus,
@@ -65,6 +63,17 @@ def simulate(model: LinearModel, update: Update, numbers: Numbers, plots: Plots)
         reference=_only(reference(model, update, given, plots.z, plots.u), valid),
         exact=_only(_estimates(model, numbers.typed, trace), valid),
         trace=trace,
+    )
+
+
+def _run(typed: TypedGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Trace:
+    """The engine over all rows; what leaves its format before a track has an estimate does not count."""
+    engine, given = Engine.of(typed), stimulus.commands
+    first = engine.run(
+        stimulus.inputs, stimulus.flags, active=(given != Command.NONE) & ~valid, record_states=False
+    )
+    return engine.run(
+        stimulus.inputs, stimulus.flags, active=valid, initial_state=first.final_state, monitor=True
     )
 
 

@@ -84,7 +84,8 @@ def build_library(verilog: str, top: str, border: Border) -> Path:
     compiler = find_compiler()
     ports = _ports_header(top, border)
     harness = files(__package__).joinpath("stream_harness.cc").read_text()
-    parts = (version(YOSYS), *compiler.command, *_OPTIONS, *_SPLIT, sys.platform, verilog, top, ports, harness)
+    how = (version(YOSYS), *compiler.command, *_OPTIONS, *_SPLIT, sys.platform)
+    parts = (*how, verilog, top, ports, harness)
 
     def make(folder: Path) -> None:
         design = run_script(
@@ -123,7 +124,8 @@ def _ports_header(top: str, border: Border) -> str:
     lines += [f"#define IN_WORDS {source.words}", f"#define OUT_WORDS {sink.words}"]
     lines += ["#define PUT_INPUTS(top, words)" + _calls("put", source.payload)]
     lines += ["#define GET_OUTPUTS(top, words)" + _calls("get", sink.payload)]
-    lines += ["#define WATCH(top, watched)" + "".join(map(_watch, range(len(border.watches)), border.watches))]
+    looks = map(_watch, range(len(border.watches)), border.watches)
+    lines += ["#define WATCH(top, watched)" + "".join(looks)]
     return "\n".join(lines) + "\n"
 
 

@@ -17,6 +17,7 @@ from kalmanhdl.simulate.side_by_side import stimulus_of
 
 # Of random steps one in twenty starts its track anew and one in eight only predicts; a component is
 # missed one time in six, and one step in twelve is left out so that the order of tracks varies.
+_COAST = 5
 _INITIALISE, _PREDICT, _MISSED, _IDLE = 0.05, 0.125, 1 / 6, 1 / 12
 
 
@@ -68,7 +69,7 @@ def from_model(model: LinearModel, typed: TypedGraph, count: int, channels: int,
     """``count`` steps of tracks that the model itself draws, started anew every few dozen rows."""
     rows = -(-count // channels)
     blocks = -(-rows // STEPS)
-    drawn = simulated(model, tracks=channels * blocks, seed=seed)
+    drawn = simulated(model, _COAST, tracks=channels * blocks, seed=seed)
 
     def arranged(array: NDArray[np.float64]) -> NDArray[np.float64]:
         split = array.reshape(STEPS, blocks, channels, -1).swapaxes(0, 1)

@@ -1,0 +1,89 @@
+"""Designs drawn at random: models, algorithms, formats, rounding, overflow, division, architectures."""
+
+import numpy as np
+
+from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
+from kalmanhdl.arithmetic.fixed import Overflow, Rounding
+from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.state_space import LinearModel, linear_model
+from kalmanhdl.numerics.specification import FixedSpecification
+
+CLASSES = ("state", "covariance", "gain", "measurement", "innovation", "innovation_covariance", "reciprocal")
+
+
+def random_design(
+    seed: int, max_states: int = 6, max_measurements: int = 3, device: str = "ecp5-85k"
+) -> Design:
+    """A design that nobody would write, but that must be right all the same."""
+    random = np.random.default_rng(seed)
+    channels = int(random.choice([1, 1, 2, 3, 5, 8, 13, 20]))
+    least = 2 if channels == 2 else 1
+    interval = None if random.random() < 0.3 else int(random.integers(least, 8))
+    return Design(
+        name=f"random_{seed}",
+        model=_model(random, max_states, max_measurements),
+        algorithm=str(random.choice(sorted(ALGORITHMS))),
+        numerics=_numerics(random),
+        architecture=Architecture(interval=interval, channels=channels),
+        target=Target(device=device, grade=6),
+    )
+
+
+def _model(random: np.random.Generator, max_states: int, max_measurements: int) -> LinearModel:
+    n = int(random.integers(1, max_states + 1))
+    m = int(random.integers(1, min(n, max_measurements) + 1))
+    if n % 2 == 0 and random.random() < 0.3:
+        return _moving(random, n)
+    sparse = random.random((n, n)) < random.choice([0.3, 0.6, 1.0])
+    F = np.where(sparse | np.eye(n, dtype=bool), random.standard_normal((n, n)), 0.0)
+    F *= random.uniform(0.6, 1.0) / max(np.abs(np.linalg.eigvals(F)).max(), 0.1)
+    if random.random() < 0.5:
+        H = np.eye(n)[random.permutation(n)[:m]] * random.choice([1.0, -1.0, 0.7, 2.0], size=(m, 1))
+    else:
+        H = random.standard_normal((m, n)) * (random.random((m, n)) < 0.7)
+        H[np.arange(m), random.permutation(n)[:m]] += 1.0
+    controls = int(random.random() < 0.3)
+    return linear_model(
+        F,
+        H,
+        _covariance(random, n),
+        _covariance(random, m) if random.random() < 0.4 else np.diag(random.uniform(0.1, 3.0, m)),
+        initial=given(random.standard_normal(n), _covariance(random, n) * 4),
+        B=random.standard_normal((n, controls)),
+        offset=random.standard_normal(n) * (random.random() < 0.3),
+        measurement_offset=random.standard_normal(m) * (random.random() < 0.3),
+    )
+
+
+def _moving(random: np.random.Generator, n: int) -> LinearModel:
+    """Constant velocity on n / 2 axes, started from two points."""
+    axes, T = n // 2, float(random.choice([0.5, 1.0, 1.68, 15.0]))
+    F = np.kron(np.eye(axes), np.array([[1.0, T], [0.0, 1.0]]))
+    H = np.kron(np.eye(axes), np.array([[1.0, 0.0]]))
+    noise = random.uniform(0.01, 10.0, axes)
+    Q = np.kron(np.diag(noise), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
+    return linear_model(F, H, Q, np.diag(random.uniform(0.1, 100.0, axes)), initial=two_point())
+
+
+def _covariance(random: np.random.Generator, n: int) -> np.ndarray:
+    root = random.standard_normal((n, n))
+    return root @ root.T / n + 0.2 * np.eye(n)
+
+
+def _numerics(random: np.random.Generator) -> FixedSpecification:
+    chosen = {name: int(random.integers(5, 28)) for name in CLASSES if random.random() < 0.5}
+    return FixedSpecification(
+        width=int(random.integers(6, 30)),
+        classes={**chosen, "constant": int(random.integers(4, 19))},
+        rounding=Rounding(random.choice([mode.value for mode in Rounding])),
+        overflow=Overflow(random.choice([mode.value for mode in Overflow])),
+        division=_division(random),
+    )
+
+
+def _division(random: np.random.Generator) -> DivisionMethod:
+    if random.random() < 0.5:
+        return LongDivision(radix=int(random.choice([2, 4])))
+    return TableNewton(index_bits=int(random.integers(3, 9)), iterations=int(random.integers(0, 3)))
