@@ -196,9 +196,7 @@ def show(
     from kalmanhdl.tables import design_tables
 
     if out is not None and out.suffix.lower() not in _PICTURES:
-        raise typer.BadParameter(
-            f"{out}: its name ends in none of {', '.join(_PICTURES)}", param_hint="--out"
-        )
+        raise typer.BadParameter(f"{out}: write a .png or .svg", param_hint="--out")
     chosen = _load(design, constant)
     typed, plan = planned_design(chosen)
     if out is not None:

@@ -47,7 +47,7 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
         except MemoryError:
             _end("error: out of memory: the design or its data are too large for this machine", FAILED)
         except OSError as error:
-            place = f"{error.filename}: " if error.filename else ""
+            place = f"{str(error.filename)[:200]}: " if error.filename else ""
             _end(f"error: {place}{error.strerror or error}", FAILED)
         except (typer.Exit, typer.BadParameter):
             raise

@@ -8,11 +8,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kalmanhdl.errors import OutputError
-from kalmanhdl.validation import shown
 
 MARKER = ".kalmanhdl"
 """The file by which a folder that kalmanhdl made is known."""
 
+_LONGEST_NAME = 200
 _MARKER_TEXT = "kalmanhdl made this folder, and replaces it where it is told to (--force).\n"
 
 
@@ -53,7 +53,7 @@ def new_folder(out: str | Path, *, force: bool = False) -> Iterator[Path]:
         _refuse(place, out, force)
         _publish(aside, place, token)
     except OSError as error:
-        raise OutputError(f"{_named(out)}: cannot be written: {error.strerror or error}") from error
+        raise OutputError(f"{_named(out)}: cannot be written: {_reason(error)}") from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
         if not place.exists():
@@ -74,8 +74,7 @@ def new_file(path: Path) -> Iterator[Path]:
         yield aside
         aside.replace(path)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"{_named(path)}: cannot be written: {reason}") from error
+        raise OutputError(f"{_named(path)}: cannot be written: {_reason(error)}") from error
     finally:
         with suppress(OSError, ValueError):
             aside.unlink(missing_ok=True)
@@ -88,7 +87,7 @@ def _place(out: str | Path) -> Path:
         # As the system sees it, so that "results/.." is no name of a folder to be made.
         place = place.parent.resolve() / place.name if place.name != ".." else place.resolve()
     except (OSError, ValueError, RuntimeError) as error:
-        raise OutputError(f"{_named(out)}: is no name of a folder: {error}") from None
+        raise OutputError(f"{_named(out)}: is no name of a folder: {_reason(error)}") from None
     if link:
         raise OutputError(f"{_named(out)}: is a link: name the folder itself")
     if not place.name:
@@ -103,8 +102,7 @@ def _refuse(place: Path, out: str | Path, force: bool) -> None:
     except (FileNotFoundError, NotADirectoryError):
         return
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"{_named(out)}: cannot be written: {reason}") from None
+        raise OutputError(f"{_named(out)}: cannot be written: {_reason(error)}") from None
     if not place.is_dir():
         raise OutputError(f"{_named(out)}: is a file: name a folder that is not there yet")
     if Path.cwd().is_relative_to(place):
@@ -140,4 +138,9 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _named(out: str | Path) -> str:
-    return shown(str(out))[1:-1] or "''"
+    name = repr(str(out))[1:-1] or "''"
+    return name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..."
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
