@@ -1,5 +1,6 @@
 """``report.html``: one file with its figures and everything they need, for a browser without a network."""
 
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -17,6 +18,7 @@ from kalmanhdl.report.tiles import tiles
 from kalmanhdl.report.wording import number, percent, prefixed
 from kalmanhdl.simulate.side_by_side import Simulation
 
+_RANDOM = re.compile(r"[0-9a-zA-Z]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 # Beyond this many states a page of one figure for each serves nobody.
 _SHOWN = 12
 
@@ -26,7 +28,7 @@ def page(record: Record, document: dict[str, Any]) -> str:
     drawn = {"schedule": figures.schedule_figure(record)}
     if record.simulation is not None:
         drawn |= _of_data(record, record.simulation)
-    script, divisions = components(drawn)
+    script, divisions = _steady(*components(drawn))
     resources = Resources(mode="inline", components=["bokeh"])
     environment = Environment(
         loader=PackageLoader("kalmanhdl.report", "."),
@@ -49,6 +51,16 @@ def page(record: Record, document: dict[str, Any]) -> str:
         states=[s for s in range(record.hardware.design.model.n) if f"state{s}" in drawn],
         innovations=[j for j in range(record.hardware.design.model.m) if f"innovation{j}" in drawn],
     )
+
+
+def _steady(script: str, divisions: dict[str, str]) -> tuple[str, dict[str, str]]:
+    """The same with numbers for the random names that Bokeh gives, so that equal builds give equal pages."""
+    names: dict[str, str] = {}
+
+    def named(match: re.Match[str]) -> str:
+        return names.setdefault(match.group(), f"figure-{len(names)}")
+
+    return _RANDOM.sub(named, script), {key: _RANDOM.sub(named, text) for key, text in divisions.items()}
 
 
 def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:

@@ -3,7 +3,7 @@
 The set of Okabe and Ito (jfly.uni-koeln.de/color), less its yellow, which white paper swallows.
 """
 
-BLUE = "#0072b2"
+BLUE = "#2482c4"
 ORANGE = "#d55e00"
 GREEN = "#009e73"
 PURPLE = "#b0609a"
