@@ -46,6 +46,11 @@ def test_compiled_and_interpreted_engine_agree_on_random_graphs(minimum_bits):
     check(range(12 if minimum_bits else 30), minimum_bits)
 
 
+def test_where_long_code_is_cut_makes_no_difference(monkeypatch):
+    monkeypatch.setattr("kalmanhdl.simulate.chunks.CHUNK", 7)
+    check(range(100, 108), 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(10))
 def test_compiled_and_interpreted_engine_agree_on_many_random_graphs(batch):

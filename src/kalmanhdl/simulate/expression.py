@@ -36,6 +36,20 @@ def signed_bits(low: int, high: int) -> int:
     return 1 + max((~low if low < 0 else low).bit_length(), (~high if high < 0 else high).bit_length())
 
 
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """The definition of a C variable."""
+
+    c_type: str
+    name: str
+    expression: str
+
+    @property
+    def text(self) -> str:
+        """The definition as C."""
+        return f"const {self.c_type} {self.name} = {self.expression};"
+
+
 @dataclass(slots=True)
 class Writer:
     """Collects the C statements of one step.
@@ -46,7 +60,7 @@ class Writer:
 
     minimum_bits: int = 0
     widest: int = 0
-    lines: list[str] = field(default_factory=list)
+    statements: list[Statement] = field(default_factory=list)
     kinds: set[Kind] = field(default_factory=set)
     _names: dict[tuple[str, str], str] = field(default_factory=dict)
 
@@ -63,7 +77,7 @@ class Writer:
         key = (c_type, expression)
         if key not in self._names:
             self._names[key] = name = f"v{len(self._names)}"
-            self.lines.append(f"const {c_type} {name} = {expression};")
+            self.statements.append(Statement(c_type, name, expression))
         return self._names[key]
 
     def value(self, expression: str, kind: Kind, low: int, high: int) -> "Value":

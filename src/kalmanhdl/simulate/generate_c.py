@@ -1,6 +1,6 @@
 """A typed graph as straight-line C over blocks of tracks.
 
-Per program the C has three functions: ``step`` computes one step of a block of tracks (the loop that
+Per program the C has three functions: ``step`` computes one step of a block of tracks (in loops that
 the compiler vectorises), ``watch`` counts what saturated in that step and keeps the extremes, and
 ``run`` loads, steps and stores. ``watch`` runs only if something saturated or if asked for.
 """
@@ -12,6 +12,7 @@ from importlib.resources import files
 from kalmanhdl.arithmetic.division import TableNewton, reciprocal_table
 from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal, State, StateFlag
 from kalmanhdl.numerics.typed import TypedGraph, Violation
+from kalmanhdl.simulate.chunks import Chunk, split
 from kalmanhdl.simulate.expression import Flag as FlagText
 from kalmanhdl.simulate.expression import Kind, Value, Writer, signed_bits
 from kalmanhdl.simulate.lowering import Lowering, lower
@@ -94,8 +95,8 @@ def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
     watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if p.limbs)
     counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
     parts = _Parts(name, lowering, inputs, flags, states, outputs, counted, watched)
-    next_states = _next_states(parts)
-    text = "\n".join([_structures(parts), _step(parts, next_states), _watch(parts), _run(parts)])
+    sinks = _step_sinks(parts), _watch_sinks(parts)
+    text = "\n".join([_structures(parts), _loops(parts, split(writer.statements, sinks)), _run(parts)])
     return Program(
         name=name,
         text=text,
@@ -171,28 +172,98 @@ def _signal_text(parts: _Parts, port: Port) -> str:
     return signal.at(port.kind) if isinstance(signal, Value) else signal.c
 
 
-def _step(parts: _Parts, next_states: list[str]) -> str:
-    lowering, name = parts.lowering, parts.name
-    flags = dict.fromkeys(lowering.saturations[i].c for i in parts.counted)
+def _step_sinks(parts: _Parts) -> list[str]:
+    """The lines of a step that use its variables: new states, outputs, and whether anything saturated."""
+    hits = dict.fromkeys(f"hit |= {parts.lowering.saturations[i].c};" for i in parts.counted)
     outputs = dict.fromkeys(f"out->x{p.index}[t] = {_signal_text(parts, p)};" for p in parts.outputs)
-    body = "\n        ".join([*lowering.writer.lines, *next_states, *outputs])
+    return [*_next_states(parts), *outputs, *hits]
+
+
+def _watch_sinks(parts: _Parts) -> list[str]:
+    """The lines that count what saturated and keep the extremes."""
+    lowering = parts.lowering
+    flags = [lowering.saturations[i] for i in parts.counted]
+    flags += [_matters(parts, violation) for violation in lowering.typed.violations]
+    lines = [f"counts[{n}] += {flag.c};" for n, flag in enumerate(flags)]
+    for port in parts.watched:
+        text = _signal_text(parts, port)
+        low, high = f"e->low{port.index}[0]", f"e->high{port.index}[0]"
+        less = "wide_less({}, {})" if port.kind is Kind.WIDE else "{} < {}"
+        lines.append(f"if (!seen || {less.format(text, low)}) {low} = {text};")
+        lines.append(f"if (!seen || {less.format(high, text)}) {high} = {text};")
+    return lines
+
+
+def _loops(parts: _Parts, chunks: Sequence[Chunk]) -> str:
+    """The functions ``step`` and ``watch``, each calling one function a chunk."""
+    name, count = parts.name, range(len(chunks))
+    steps = " | ".join(f"{name}_step_{k}(groups, in, old, mid, next, out)" for k in count)
+    watches = " | ".join(f"{name}_watch_{k}(tracks, in, old, mid, counts, e, e->seen)" for k in count)
+    waiting = " ".join(f"{s.c_type} {s.name}[BLOCK];" for chunk in chunks for s in chunk.stores)
+    functions = [f(parts, k, chunk) for k, chunk in enumerate(chunks) for f in (_step_chunk, _watch_chunk)]
+    return f"""
+typedef struct {{ int32_t none; {waiting} }} {name}_mid;
+{"".join(functions)}
+static int32_t {name}_step(int64_t groups, const {name}_in *in, const {name}_state *old, {name}_mid *mid,
+                       {name}_state *next, {name}_out *out)
+{{
+    return {steps};
+}}
+
+static void {name}_watch(int64_t tracks, const {name}_in *in, const {name}_state *old, const {name}_mid *mid,
+                        int64_t *counts, {name}_extremes *e)
+{{
+    e->seen = {watches};
+}}"""
+
+
+def _step_chunk(parts: _Parts, number: int, chunk: Chunk) -> str:
+    name = parts.name
+    stores = [f"mid->{s.name}[t] = {s.name};" for s in chunk.stores]
     # Inlined, the pointers would be restrict no longer; without the pragma gcc judges such a loop not
     # worth its vectors. Either costs most of the speed.
     simd = "#pragma omp simd reduction(|:any)" if parts.lanes > 1 else ""
     return f"""
 __attribute__((noinline))
-static int32_t {name}_step(int64_t groups, const {name}_in *restrict in, const {name}_state *restrict old,
-                       {name}_state *restrict next, {name}_out *restrict out)
+static int32_t {name}_step_{number}(int64_t groups, const {name}_in *restrict in,
+        const {name}_state *restrict old, {name}_mid *restrict mid, {name}_state *restrict next,
+        {name}_out *restrict out)
 {{
     int32_t any = 0;
     {simd}
     for (int64_t t = 0; t < groups * {parts.lanes}; t++) {{
         const int32_t live = in->live[t];
-        {body}
-        any |= ({" | ".join(flags) or "0"}) & live;
+        int32_t hit = 0;
+        {_lines([*_body(chunk), *stores, *chunk.sinks[0]], 8)}
+        any |= hit & live;
     }}
     return any;
-}}"""
+}}
+"""
+
+
+def _watch_chunk(parts: _Parts, number: int, chunk: Chunk) -> str:
+    name = parts.name
+    return f"""
+__attribute__((cold, noinline))
+static int32_t {name}_watch_{number}(int64_t tracks, const {name}_in *restrict in,
+        const {name}_state *restrict old, const {name}_mid *restrict mid, int64_t *restrict counts,
+        {name}_extremes *restrict e, int32_t seen)
+{{
+    for (int64_t t = 0; t < tracks; t++) {{
+        if (!in->live[t])
+            continue;
+        {_lines([*_body(chunk), *chunk.sinks[1]], 8)}
+        seen = 1;
+    }}
+    return seen;
+}}
+"""
+
+
+def _body(chunk: Chunk) -> list[str]:
+    loads = [f"const {s.c_type} {s.name} = mid->{s.name}[t];" for s in chunk.loads]
+    return [*loads, *(statement.text for statement in chunk.statements)]
 
 
 def _matters(parts: _Parts, violation: Violation) -> FlagText:
@@ -203,32 +274,6 @@ def _matters(parts: _Parts, violation: Violation) -> FlagText:
     starts = lowering.flag(names[INITIALISE]) if INITIALISE in names else never
     matters = (starts if violation.starting else never) | (starts.negated() if violation.running else never)
     return lowering.flag(violation.outside) & matters
-
-
-def _watch(parts: _Parts) -> str:
-    lowering, name = parts.lowering, parts.name
-    hits = [lowering.saturations[i] for i in parts.counted]
-    hits += [_matters(parts, violation) for violation in lowering.typed.violations]
-    lines = [*lowering.writer.lines, *(f"counts[{n}] += {flag.c};" for n, flag in enumerate(hits))]
-    for port in parts.watched:
-        text = _signal_text(parts, port)
-        low, high = f"e->low{port.index}[0]", f"e->high{port.index}[0]"
-        less = "wide_less({}, {})" if port.kind is Kind.WIDE else "{} < {}"
-        lines.append(f"if (!e->seen || {less.format(text, low)}) {low} = {text};")
-        lines.append(f"if (!e->seen || {less.format(high, text)}) {high} = {text};")
-    body = "\n        ".join(lines)
-    return f"""
-__attribute__((cold, noinline))
-static void {name}_watch(int64_t tracks, const {name}_in *restrict in, const {name}_state *restrict old,
-                        int64_t *restrict counts, {name}_extremes *restrict e)
-{{
-    for (int64_t t = 0; t < tracks; t++) {{
-        if (!in->live[t])
-            continue;
-        {body}
-        e->seen = 1;
-    }}
-}}"""
 
 
 def _load(port: Port, block: str, array: str, at: str) -> str:
@@ -279,6 +324,7 @@ def _run(parts: _Parts) -> str:
     return f"""
 typedef struct {{
     {name}_in in;
+    {name}_mid mid;
     {name}_state states[2];
     {name}_out out;
     {name}_extremes extremes;
@@ -302,9 +348,10 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
             {_lines(loads, 12)}
             if (active)
                 for (int64_t t = 0; t < n; t++) b->in.live[t] = active[row + t] != 0;
-            int32_t any = {name}_step((n + {parts.lanes - 1}) / {parts.lanes}, &b->in, old, next, &b->out);
+            int64_t groups = (n + {parts.lanes - 1}) / {parts.lanes};
+            int32_t any = {name}_step(groups, &b->in, old, &b->mid, next, &b->out);
             if (any || monitor)
-                {name}_watch(n, &b->in, old, counts, &b->extremes);
+                {name}_watch(n, &b->in, old, &b->mid, counts, &b->extremes);
             {_lines(outs, 12)}
             if (records) {{
                 {_lines(records, 16)}
