@@ -14,6 +14,7 @@ from kalmanhdl.numerics.integers import Numbers, numbers
 from kalmanhdl.output import check_folder, new_folder
 from kalmanhdl.pipeline import (
     Hardware,
+    Implemented,
     Progress,
     areas,
     compile_design,
@@ -29,6 +30,7 @@ from kalmanhdl.rtl.interface import interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.target import device
+from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.verify.compare import Verification
 
 VERIFIED_STEPS = 100_000
@@ -59,6 +61,7 @@ def build(
     device(design.target.device, design.target.grade)
     if verify_steps:
         _need_compiler()
+    prepare(place=place, progress=progress)
     seconds: dict[str, float] = {}
     hardware = compile_design(design, progress)
     simulation = None
@@ -71,18 +74,31 @@ def build(
     if verify_steps:
         with timed(seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"):
             verifications = verify_long(hardware, verify_steps, plots)
+    implemented: Implemented | None = None
+    figures: tuple[AreaFigures, ...] = ()
+    if place:
+        implemented = implement(hardware, progress)
+        with timed(seconds, "areas", progress, "synthesising for the papers' families"):
+            figures = areas(hardware)
     record = Record(
         hardware=hardware,
         simulation=simulation,
         verifications=verifications,
-        implemented=implement(hardware, progress) if place else None,
-        areas=areas(hardware, progress) if place else (),
+        implemented=implemented,
+        areas=figures,
         seconds=seconds,
     )
     progress("writing the report")
     with new_folder(out, force=force) as folder:
         write_build(record, folder)
     return record
+
+
+def prepare(*, place: bool, progress: Progress) -> None:
+    """Have the tools ready; where they run for the first time, this is where the minutes go."""
+    from kalmanhdl.toolchain.yowasp import NEXTPNR_ECP5, YOSYS, warm_up
+
+    warm_up((YOSYS, NEXTPNR_ECP5) if place else (YOSYS,), progress)
 
 
 def write_build(record: Record, folder: Path) -> None:

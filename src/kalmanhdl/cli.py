@@ -148,10 +148,11 @@ def verify(
 
     Of a build folder, the Verilog that stands there is verified. Ends with exit code 1 at a difference.
     """
-    from kalmanhdl.build import verify_long
+    from kalmanhdl.build import prepare, verify_long
     from kalmanhdl.tables import verification_table
 
     with Progress() as progress:
+        prepare(place=False, progress=progress)
         hardware = _hardware(path, progress, constant)
         plots = _read(data, hardware.design)
         progress(f"verifying {steps} steps, Verilog against engine")
@@ -169,10 +170,12 @@ def implement(
     constant: _Constants = None,
 ) -> None:
     """Synthesise, place and route a design, or the Verilog of a build folder."""
+    from kalmanhdl.build import prepare
     from kalmanhdl.pipeline import implement as run
     from kalmanhdl.tables import implementation_table
 
     with Progress() as progress:
+        prepare(place=True, progress=progress)
         hardware = _hardware(path, progress, constant, seeds=seeds, grade=grade, device=device)
         implemented = run(hardware, progress)
     typer.echo(implementation_table(hardware.plan, implemented))

@@ -7,6 +7,7 @@ environment variable ``KALMANHDL_CACHE`` chooses another folder.
 import hashlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -86,17 +87,34 @@ def _compile(source: str, command: Sequence[str], path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         code, made = Path(folder) / "engine.c", Path(folder) / "engine.so"
         code.write_text(source, encoding="utf-8")
-        try:
-            done = subprocess.run(
-                [*command, *_EXACT, *_FAST, "-o", str(made), str(code)],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-        except OSError as error:
-            raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
-        if done.returncode:
-            lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        code_of_exit, complaint = _run([*command, *_EXACT, *_FAST, "-o", str(made), str(code)], folder)
+        if code_of_exit:
+            lines = complaint.strip().splitlines() or [f"exit code {code_of_exit}"]
             line = next((line for line in lines if "error" in line), lines[-1])
             raise ToolError(f"C compiler {command[0]}: {line}")
         os.replace(made, path)
+
+
+def _run(command: Sequence[str], folder: str) -> tuple[int, str]:
+    """The exit code and the words of a compiler. Broken off, its children end too, and leave no files."""
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            env={**os.environ, "TMPDIR": folder},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
+    with process:
+        try:
+            _, complaint = process.communicate()
+        except BaseException:
+            # The driver runs compiler proper, assembler and linker in its own process group.
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    return process.returncode, complaint

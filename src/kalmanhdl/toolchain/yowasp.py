@@ -5,7 +5,7 @@ Their guest sees a private ``/tmp``: call them in a working folder, with relativ
 
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache as remembered
 from importlib.metadata import PackageNotFoundError
@@ -37,12 +37,12 @@ def version(tool: Tool) -> str:
         raise ToolError(f"{tool.name}: the package {package} is not installed: {tool.remedy}") from error
 
 
-def warm_up(report: Callable[[str], None] = _log.info) -> None:
-    """Have every tool compiled for this machine: 60 to 90 s each the first time, then nothing."""
-    for tool in (YOSYS, NEXTPNR_ECP5):
+def warm_up(tools: Iterable[Tool], report: Callable[[str], None] = _log.info) -> None:
+    """Have tools compiled for this machine: 60 to 90 s each the first time, then nothing."""
+    for tool in tools:
         if not (cache.root() / "warm" / version(tool)).exists():
             report(f"preparing {version(tool)} for this machine; the first time takes one to two minutes")
-        ensure_warm(tool)
+            ensure_warm(tool)
 
 
 @remembered
