@@ -150,13 +150,14 @@ class Implemented:
 
 def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
     """Synthesis, then place and route with every seed. Raises ToolError."""
+    from kalmanhdl.toolchain.absorb import absorb_registers
     from kalmanhdl.toolchain.nextpnr import best, place_and_route
     from kalmanhdl.toolchain.yosys import synthesise_ecp5
 
     design, seconds = hardware.design, dict[str, float]()
     part = device(design.target.device, design.target.grade)
     with timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
-        netlist = synthesise_ecp5(hardware.verilog, design.name)
+        netlist = absorb_registers(synthesise_ecp5(hardware.verilog, design.name))
     wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns
     seeds = range(1, design.target.seeds + 1)
     with timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):

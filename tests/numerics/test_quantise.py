@@ -1,0 +1,116 @@
+"""From reals to integers: what the formats promise."""
+
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given as drawn
+from hypothesis import strategies as st
+
+from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.design import Design
+from kalmanhdl.errors import FormatError
+from kalmanhdl.graph.operations import Multiply, Outside, Quantise
+from kalmanhdl.numerics.integers import numbers
+from kalmanhdl.numerics.signed_digits import canonical_signed_digits
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.simulate.data import plots_from_arrays
+from kalmanhdl.simulate.interpreter import interpret
+from kalmanhdl.simulate.side_by_side import simulate
+from random_designs import random_design
+
+LEE = Design.load("designs/lee1997.toml")
+
+
+@drawn(st.integers(1, 1 << 40))
+def test_signed_digits_give_the_number_with_no_two_side_by_side(value):
+    digits = canonical_signed_digits(value)
+    assert sum(sign << place for sign, place in digits) == value
+    places = [place for _, place in digits]
+    assert all(b - a >= 2 for a, b in pairwise(places))
+
+
+def test_no_multiplication_by_a_constant_is_left():
+    typed = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).typed
+    operations = typed.graph.operations
+    for operation in operations:
+        if isinstance(operation, Multiply):
+            assert type(operations[operation.a]).__name__ != "Constant"
+
+
+def test_one_measurement_has_unit_variance_and_states_fill_their_format():
+    found = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).scaling
+    assert np.all(np.log2(found.state) == np.round(np.log2(found.state)))
+    variance = np.diag(LEE.model.R) / found.measurement**2 / found.covariance[[0, 2]]
+    np.testing.assert_allclose(variance, 1.0, rtol=1e-15)
+
+
+def test_every_flag_belongs_to_a_value_that_can_leave_its_format():
+    typed = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).typed
+    for violation in typed.violations:
+        assert isinstance(typed.graph.operations[violation.outside], Outside)
+        assert violation.starting or violation.running
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("seed", range(25))
+def test_every_value_stays_within_its_interval_and_format(seed):
+    design = random_design(seed, max_states=3, max_measurements=2)
+    typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics).typed
+    random = np.random.default_rng(seed)
+    state = {name: 0 for name, _ in typed.graph.states}
+    for _ in range(4):
+        leaves = {}
+        for operation, form in zip(typed.graph.operations, typed.formats, strict=True):
+            kind = type(operation).__name__
+            if kind == "Input":
+                leaves[operation.name] = int(random.integers(form.lowest, form.highest, endpoint=True))
+            elif kind == "Flag":
+                leaves[operation.name] = bool(random.random() < 0.6)
+        values = interpret(typed, leaves, state).values
+        for index, (value, form, interval) in enumerate(
+            zip(values, typed.formats, typed.intervals, strict=True)
+        ):
+            if form is not None:
+                assert interval.low <= value <= interval.high, typed.graph.operations[index]
+                assert form.lowest <= value <= form.highest, typed.graph.operations[index]
+        state = {name: values[root] for name, root in typed.graph.states}
+
+
+@pytest.mark.parametrize("algorithm", sorted(ALGORITHMS))
+def test_wide_formats_come_close_to_the_float_reference(algorithm):
+    random = np.random.default_rng(5)
+    steps = np.arange(60)[:, None] * [40.0, 1e-3] * 15 + [5e4, 0.3]
+    z = steps + random.standard_normal((60, 2)) * [1000.0, 0.017]
+    z[20:23] = np.nan
+    specification = FixedSpecification(width=40, classes={"constant": 40})
+    found = numbers(LEE.model, ALGORITHMS[algorithm], specification)
+    result = simulate(LEE.model, ALGORITHMS[algorithm], found, plots_from_arrays(z, LEE.model))
+    assert result.saturations == 0
+    spread = np.sqrt(np.nanmax(np.abs(result.reference.P[..., range(4), range(4)]), axis=(0, 1)))
+    error = np.nanmax(np.abs(result.exact.x - result.reference.x), axis=(0, 1))
+    assert np.all(error < 1e-6 * spread)
+    np.testing.assert_allclose(result.exact.nis, result.reference.nis, rtol=1e-2, atol=0.05)
+
+
+def test_a_start_outside_its_format_is_refused_with_a_remedy():
+    specification = FixedSpecification(
+        classes={"covariance": Fixed(width=12, fraction=8)}, scale=(1.0,) * 4, covariance_scale=1.0
+    )
+    with pytest.raises(FormatError, match=r"P\[0,0\] starts at 1e\+06 but .* use fewer fraction bits"):
+        numbers(LEE.model, ALGORITHMS["conventional"], specification)
+
+
+def test_formats_that_are_given_are_kept():
+    form = Fixed(width=32, fraction=20)
+    specification = FixedSpecification(
+        classes=dict.fromkeys(("state", "covariance", "gain", "measurement", "innovation"), form)
+    )
+    typed = numbers(LEE.model, ALGORITHMS["conventional"], specification).typed
+    roots = dict(typed.graph.states)
+    assert typed.formats[roots["x[0]"]] == form
+    quantised = [o.form for o in typed.graph.operations if isinstance(o, Quantise)]
+    assert form in quantised
+    assert typed.formats[roots["P[0,0]"]].resolution == Fraction(1, 1 << 20)
