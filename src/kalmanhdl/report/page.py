@@ -83,7 +83,11 @@ def _quantities(model: LinearModel) -> dict[str, str]:
     """What stands behind the letters of inputs, states and outputs."""
     named = enumerate(zip(model.state_names, model.state_units, strict=True))
     names = {f"x[{i}]": with_unit(name, unit) for i, (name, unit) in named}
-    names |= {f"P[{i},{i}]": f"variance of {name}" for i, name in enumerate(model.state_names)}
+    for i, first in enumerate(model.state_names):
+        names |= {
+            f"P[{i},{j}]": f"covariance of {first} and {model.state_names[j]}" for j in range(i + 1, model.n)
+        }
+        names[f"P[{i},{i}]"] = f"variance of {first}"
     names |= {f"z[{j}]": name for j, name in enumerate(model.measurement_names)}
     names |= {f"innovation[{j}]": f"innovation of {name}" for j, name in enumerate(model.measurement_names)}
     names |= {f"u[{k}]": name for k, name in enumerate(model.control_names)}
