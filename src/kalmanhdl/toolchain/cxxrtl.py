@@ -20,6 +20,9 @@ from kalmanhdl.toolchain.yowasp import YOSYS, version
 _OPTIONS = ("-std=c++17", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
 # CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
 _SPLIT = ("proc", "flatten", "opt_clean", "splitnets -driver", "opt_clean")
+# The harness evaluates once a cycle and never asks what changed: to copy every register is two to three
+# times faster than to compare each first.
+_COMMIT = (re.compile(r"if \((p_\w+)\.commit\(observer\)\) changed = true;"), r"\1.curr = \1.next;")
 _REMEDY = "install a C++ compiler (g++ or clang++), name one in CXX, or install the package ziglang"
 
 
@@ -94,7 +97,8 @@ def build_library(verilog: str, top: str, border: Border) -> Path:
             "design.cc",
         )
         with working_folder() as work:
-            for name, text in (("design.cc", design), ("ports.h", ports), ("harness.cc", harness)):
+            fast = _COMMIT[0].sub(_COMMIT[1], design)
+            for name, text in (("design.cc", fast), ("ports.h", ports), ("harness.cc", harness)):
                 (work / name).write_text(text)
             run(compiler, (*_OPTIONS, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
             shutil.copyfile(work / "simulator.so", folder / "simulator.so")
