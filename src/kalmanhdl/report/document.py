@@ -206,7 +206,7 @@ def _overflows(record: Record, simulation: Simulation) -> dict[str, Any]:
     found = overflows(record.hardware.numbers.typed, simulation.trace)
     return {
         "saturations": simulation.saturations,
-        "violations": sum(simulation.trace.violations.values()),
+        "saturations_unused": sum(one["unused"] for one in found),
         "inputs_clipped": simulation.stimulus.clipped,
         "saturations_by_signal": found,
     }

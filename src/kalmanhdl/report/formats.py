@@ -30,14 +30,14 @@ def formats(typed: TypedGraph, trace: Trace | None) -> list[dict[str, Any]]:
 
 
 def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
-    """The values that left their formats, with how often, and how often it mattered; the rest is silent."""
+    """The values that left their formats: in steps that used them, and in steps that chose another."""
     mattered = trace.violations
     return [
         {
             "signal": signal_of(typed.graph.origins[index]).name,
             "origin": typed.graph.origins[index],
-            "saturations": count,
-            "violations": mattered.get(index, 0),
+            "saturations": mattered.get(index, 0),
+            "unused": count - mattered.get(index, 0),
         }
         for index, count in sorted(trace.saturations.items())
         if count
