@@ -45,6 +45,7 @@ def build(
     plots: Plots | None = None,
     verify_steps: int = VERIFIED_STEPS,
     place: bool = True,
+    families: bool = False,
     force: bool = False,
     progress: Progress = silent,
 ) -> Record:
@@ -52,7 +53,7 @@ def build(
 
     With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
     the Verilog are held against the engine; 0 leaves that out, and the report says so. ``place``: also
-    synthesis, place and route. ``force`` replaces an earlier build.
+    synthesis, place and route. ``families``: also synthesis figures on the papers' devices. ``force`` replaces an earlier build.
 
     Raises:
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
@@ -78,6 +79,7 @@ def build(
     figures: tuple[AreaFigures, ...] = ()
     if place:
         implemented = implement(hardware, progress)
+    if families:
         with timed(seconds, "areas", progress, "synthesising for the papers' families"):
             figures = areas(hardware)
     record = Record(

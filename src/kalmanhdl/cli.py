@@ -71,6 +71,9 @@ def build(
         bool, typer.Option("--no-place", help="Leave synthesis, place and route out.")
     ] = False,
     no_verify: Annotated[bool, typer.Option("--no-verify", help="Leave verification out.")] = False,
+    areas: Annotated[
+        bool, typer.Option("--areas", help="Also synthesis figures on the papers' devices; takes minutes.")
+    ] = False,
     steps: _Steps = 100_000,
     seeds: _Seeds = None,
     grade: _Grade = None,
@@ -93,6 +96,7 @@ def build(
             plots=plots,
             verify_steps=0 if no_verify else steps,
             place=not no_place,
+            families=areas,
             force=force,
             progress=progress,
         )
