@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -81,7 +82,8 @@ def test_the_verilog_of_a_folder_is_what_is_verified(built):
     verilog = (out / "cart.v").read_text()
     try:
         for change, words in {
-            lambda text: text.replace(" - ", " + "): "the Verilog gives",
+            lambda text: re.sub(r"(assign update_y_0_\w+ = .*) - ", r"\1 + ", text): "the Verilog gives",
+            lambda text: text.replace(" - ", " + "): "the simulated design is stuck",
             lambda text: text.replace("endmodule", "endmodul"): "yosys failed",
             lambda text: "": "yosys failed",
         }.items():

@@ -31,6 +31,7 @@ from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import AreaFigures
+from kalmanhdl.toolchain.process import in_background
 from kalmanhdl.verify.compare import Verification
 
 VERIFIED_STEPS = 100_000
@@ -53,7 +54,8 @@ def build(
 
     With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
     the Verilog are held against the engine; 0 leaves that out, and the report says so. ``place``: also
-    synthesis, place and route. ``families``: also synthesis figures on the papers' devices. ``force`` replaces an earlier build.
+    synthesis, place and route. ``families``: also synthesis figures on the papers' devices.
+    ``force`` replaces an earlier build.
 
     Raises:
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
@@ -72,16 +74,19 @@ def build(
         ):
             simulation = simulate(design, plots, hardware.numbers)
     verifications: tuple[Verification, ...] = ()
-    if verify_steps:
-        with timed(seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"):
-            verifications = verify_long(hardware, verify_steps, plots)
-    implemented: Implemented | None = None
     figures: tuple[AreaFigures, ...] = ()
-    if place:
-        implemented = implement(hardware, progress)
-    if families:
-        with timed(seconds, "areas", progress, "synthesising for the papers' families"):
-            figures = areas(hardware)
+    # One core places and routes, the other verifies and counts: neither waits for the other.
+    with in_background() as start:
+        placing = start(implement, hardware, progress) if place else None
+        if verify_steps:
+            with timed(
+                seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"
+            ):
+                verifications = verify_long(hardware, verify_steps, plots)
+        if families:
+            with timed(seconds, "areas", progress, "synthesising for the papers' families"):
+                figures = areas(hardware)
+        implemented: Implemented | None = placing.result() if placing else None
     record = Record(
         hardware=hardware,
         simulation=simulation,

@@ -7,6 +7,7 @@ import functools
 import os
 import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -103,7 +104,8 @@ class Progress:
     def __init__(self) -> None:
         self._begin = time.perf_counter()
         self._live: Any = None
-        self._task: Any = None
+        # The stage that each thread is at.
+        self._tasks: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
         if sys.stderr.isatty():
@@ -120,7 +122,8 @@ class Progress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._live is not None:
-            self._finish_stage()
+            for task in self._tasks.values():
+                self._live.update(task, completed=1)
             self._live.stop()
 
     def __call__(self, message: str) -> None:
@@ -128,9 +131,7 @@ class Progress:
         if self._live is None:
             typer.echo(f"{time.perf_counter() - self._begin:6.1f} s  {message}", err=True)
             return
-        self._finish_stage()
-        self._task = self._live.add_task(message, total=1)
-
-    def _finish_stage(self) -> None:
-        if self._task is not None:
-            self._live.update(self._task, completed=1)
+        thread = threading.get_ident()
+        if thread in self._tasks:
+            self._live.update(self._tasks[thread], completed=1)
+        self._tasks[thread] = self._live.add_task(message, total=1)

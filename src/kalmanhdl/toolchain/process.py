@@ -10,11 +10,14 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from kalmanhdl.errors import ToolError
 from kalmanhdl.toolchain import cache
@@ -62,6 +65,23 @@ def working_folder() -> Iterator[Path]:
         yield Path(folder)
 
 
+@contextmanager
+def in_background() -> Iterator[Callable[..., Future[Any]]]:
+    """What starts work in a thread beside the block; where the block fails, the work's tools are killed."""
+    pool = ThreadPoolExecutor(max_workers=1)
+    try:
+        yield pool.submit
+    except BaseException:
+        _broken_off.set()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        _broken_off.clear()
+
+
+_broken_off = threading.Event()
+
+
 def run(tool: Tool, arguments: Sequence[str], folder: Path) -> Run:
     """Run a tool to its end in a folder. Raises ToolError with the tool's own error line."""
     return run_all([Job(tool=tool, arguments=tuple(arguments), folder=folder)], parallel=1)[0]
@@ -86,6 +106,8 @@ def run_all(jobs: Sequence[Job], parallel: int) -> list[Run]:
                     del running[index]
             if running:
                 time.sleep(_POLL_SECONDS)
+            if _broken_off.is_set():
+                raise ToolError("broken off, because other work failed")
     finally:
         for child in running.values():
             child.kill()
