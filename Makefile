@@ -21,7 +21,7 @@ DEMO_RADAR := \
 
 demo: $(READY)
 	$(BIN)/kalmanhdl build designs/lee1997.toml --data designs/data/autoferry_radar_target.csv \
-		$(DEMO_RADAR) --seeds 1 --areas --out $(DEMO) --force
+		$(DEMO_RADAR) --seeds 2 --out $(DEMO) --force
 
 test: $(READY)
 	$(BIN)/pytest -n 2 $(PYTEST_OPTIONS)
