@@ -24,6 +24,7 @@ from kalmanhdl.pipeline import (
     simulate,
     timed,
     verify,
+    worth_optimising,
 )
 from kalmanhdl.report.record import Record
 from kalmanhdl.rtl.interface import interface
@@ -164,7 +165,8 @@ def verify_long(
     """
     found: dict[str, Verification] = {}
     for run_seed, run_steps in _runs(hardware, steps, seed):
-        for one in verify(hardware, run_steps, plots if run_seed == seed else None, run_seed):
+        data = plots if run_seed == seed else None
+        for one in verify(hardware, run_steps, data, run_seed, optimised=worth_optimising(steps)):
             before = found.get(one.stimulus)
             found[one.stimulus] = _joined(before, one) if before else one
     return tuple(found.values())

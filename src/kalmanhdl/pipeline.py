@@ -100,18 +100,27 @@ def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simu
     return run_side_by_side(design.model, update, typed, plots)
 
 
+def worth_optimising(steps: int) -> bool:
+    """Whether so many steps repay the compilation of an optimised simulator."""
+    return steps > 20_000
+
+
 def verify(
     hardware: Hardware,
     steps: int,
     plots: Plots | None = None,
     seed: int = 1,
     progress: Progress = silent,
+    optimised: bool | None = None,
 ) -> tuple[Verification, ...]:
     """The Verilog against the engine: on data, on tracks drawn from the model, on raw numbers at random.
 
-    ``steps`` are split between the latter two, which also stall both streams. Raises VerificationError
-    at the first bit that differs.
+    ``steps`` are split between the latter two; the last also stalls both streams. A simulator is
+    ``optimised`` where the number of steps is worth its compilation. Raises VerificationError at the
+    first bit that differs.
     """
+    from kalmanhdl.toolchain.cxxrtl import build_library
+    from kalmanhdl.verify.compare import border_of
     from kalmanhdl.verify.compare import verify as run
     from kalmanhdl.verify.stimulus import from_model, from_plots, random_steps
 
@@ -126,11 +135,16 @@ def verify(
             Stalls(seed=seed, source=_STALLS, sink=_STALLS),
         ),
     ]
-    if plots is not None and len(plots.tracks) <= channels:
+    if plots is not None:
         runs.insert(0, ("data", from_plots(model, typed, plots, channels), Stalls()))
-    design = hardware.design
+    library = build_library(
+        hardware.verilog,
+        hardware.design.name,
+        border_of(hardware.interface),
+        optimised=worth_optimising(steps) if optimised is None else optimised,
+    )
     return tuple(
-        run(hardware.verilog, design.name, hardware.interface, typed, given, stimulus=name, stalls=stalls)
+        run(library, hardware.design.name, hardware.interface, typed, given, stimulus=name, stalls=stalls)
         for name, given, stalls in runs
     )
 

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch, build_library
+from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch
 from kalmanhdl.toolchain.simulation import Simulation, Stalls, Trace
 from kalmanhdl.verify.stimulus import Steps
 
@@ -64,7 +65,7 @@ def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
 
 
 def verify(
-    verilog: str,
+    library: Path,
     top: str,
     interface: Interface,
     typed: TypedGraph,
@@ -73,12 +74,11 @@ def verify(
     stimulus: str,
     stalls: Stalls | None = None,
 ) -> Verification:
-    """Run steps through the simulated Verilog and the engine and compare every bit.
+    """Run steps through a compiled simulator of the Verilog and the engine and compare every bit.
 
     Raises VerificationError at the first difference, or where the Verilog hangs.
     """
     border = border_of(interface)
-    library = build_library(verilog, top, border)
     expected = Engine.of(typed).run(steps.inputs, steps.flags, active=steps.active)
     tokens = _packed(border, interface, steps)
     begin = time.perf_counter()

@@ -1,6 +1,7 @@
 """Steps for the hardware: which track, which command, which raw numbers, in which order."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,29 +41,24 @@ class Steps:
 
 
 def from_plots(model: LinearModel, typed: TypedGraph, plots: Plots, channels: int) -> Steps:
-    """The steps of data, row by row; ``channels`` are as many as the data's tracks, or more."""
-    stimulus = stimulus_of(model, typed, _padded(plots, channels))
-    active = stimulus.commands != Command.NONE
+    """The steps of data, row by row; more tracks than channels take turns, one group after the other."""
+    stimulus = stimulus_of(model, typed, plots)
+    given = _grouped(stimulus.commands, channels, Command.NONE)
     return Steps(
-        commands=stimulus.commands,
-        inputs=stimulus.inputs,
-        flags=stimulus.flags,
-        order=np.flatnonzero(active.ravel()),
+        commands=given,
+        inputs={name: _grouped(raws, channels, 0) for name, raws in stimulus.inputs.items()},
+        flags={name: _grouped(flags, channels, False) for name, flags in stimulus.flags.items()},
+        order=np.flatnonzero((given != Command.NONE).ravel()),
     )
 
 
-def _padded(plots: Plots, channels: int) -> Plots:
-    """Plots of as many tracks as the hardware has; those added have no step."""
-    missing = [(0, 0), (0, channels - len(plots.tracks)), (0, 0)]
-    return replace(
-        plots,
-        tracks=tuple(map(str, range(channels))),
-        z=np.pad(plots.z, missing),
-        u=np.pad(plots.u, missing),
-        active=np.pad(plots.active, missing[:2]),
-        time=None,
-        truth=None,
-    )
+def _grouped(array: NDArray[Any], channels: int, filling: int) -> NDArray[Any]:
+    """(rows, tracks) as (groups * rows, channels): groups of tracks in succession, the last filled up."""
+    rows, tracks = array.shape
+    groups = -(-tracks // channels)
+    wide = np.full((rows, groups * channels), filling, array.dtype)
+    wide[:, :tracks] = array
+    return wide.reshape(rows, groups, channels).swapaxes(0, 1).reshape(groups * rows, channels)
 
 
 def from_model(model: LinearModel, typed: TypedGraph, count: int, channels: int, seed: int) -> Steps:
