@@ -89,7 +89,7 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     compiler = find_compiler()
     ports = _ports_header(top, border)
     harness = files(__package__).joinpath("stream_harness.cc").read_text()
-    options = (*_OPTIONS, "-O1" if optimised else "-O0")
+    options = (*_OPTIONS, "-O3" if optimised else "-O0")
     how = (version(YOSYS), *compiler.command, *options, *_SPLIT, sys.platform)
     parts = (*how, verilog, top, ports, harness)
 
