@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from kalmanhdl.arithmetic.fixed import Fixed, rounded
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, rounded
 from kalmanhdl.errors import FormatError
 from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import (
@@ -30,12 +30,12 @@ from kalmanhdl.graph.operations import (
     is_flag,
 )
 from kalmanhdl.graph.simplify import TERM
-from kalmanhdl.numerics.interval import Typed, least_divisor, reciprocal_interval, type_of
+from kalmanhdl.numerics.interval import Typed, least_divisor, reciprocal_interval, smallest, type_of
 from kalmanhdl.numerics.ranges import Ranges, cone
 from kalmanhdl.numerics.signals import SignalName, signal_of
 from kalmanhdl.numerics.signed_digits import canonical_signed_digits
 from kalmanhdl.numerics.specification import FixedSpecification
-from kalmanhdl.numerics.typed import TypedGraph, Violation
+from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
 
 _TINY = 2.0**-64
 # An operand of a constant multiplication may be this many bits wider than its format before it is rounded.
@@ -55,7 +55,7 @@ def quantise(
     """
     lowering = _Lowering(graph, ranges, specification)
     states = [(name, lowering.state(name, root)) for name, root in graph.states]
-    outputs = [(name, lowering.own(root)) for name, root in graph.outputs]
+    outputs = [(name, lowering.output(root)) for name, root in graph.outputs]
     kept_state = dict(states)
     outputs = [(name, kept_state.get(name, index)) for name, index in outputs]
     return lowering.finished(states, outputs, scales)
@@ -128,7 +128,32 @@ class _Lowering:
             assert divisor is not None
             interval = reciprocal_interval(divisor, form, specification.rounding, specification.division)
             return form, interval
-        return type_of(operation, self.types, self.given.get(index))  # type: ignore[arg-type]
+        typed = type_of(operation, self.types, self.given.get(index))  # type: ignore[arg-type]
+        if isinstance(operation, Multiply) and self._is_weighted_square(operation):
+            form, interval = typed
+            return smallest(0, interval.high, form.fraction), Interval(low=0, high=interval.high)
+        return typed
+
+    def _is_weighted_square(self, product: Multiply) -> bool:
+        """Whether a product is y (w y) with w >= 0, which no rounding of w y makes negative."""
+        operations = self.builder.operations
+        for y, weighted in ((product.a, product.b), (product.b, product.a)):
+            operation = operations[weighted]
+            inner = operations[operation.a] if isinstance(operation, Quantise) else operation
+            if isinstance(operation, Quantise) and operation.overflow is Overflow.WRAP:
+                continue
+            if isinstance(inner, Multiply) and y in (inner.a, inner.b):
+                weight = self.types[inner.b if y == inner.a else inner.a]
+                if weight is not None and weight[1].low >= 0:
+                    return True
+        return False
+
+    def output(self, index: int) -> int:
+        """An output's value, in its own format if it has one."""
+        before = len(self.builder.operations)
+        own = self.own(index)
+        self._name(before, own, self.graph.origins[index])
+        return own
 
     def own(self, index: int) -> int:
         """The value as later operations see it: in its own format if it has one, else exact."""
@@ -250,9 +275,11 @@ class _Lowering:
         whole format that the design gives keeps its limits.
         """
         exact, interval = self.type(index)
+        whole = isinstance(self.specification.form(signal.signal_class, signal.name), Fixed)
+        if interval.low >= 0 and form.signed and not whole:
+            form = _unsigned(form)
         if exact.fraction < form.fraction:
             spare = form.fraction - exact.fraction
-            whole = isinstance(self.specification.form(signal.signal_class, signal.name), Fixed)
             width = max(1, form.width - spare) if whole else form.width
             form = Fixed(width=width, fraction=exact.fraction, signed=form.signed)
         if exact.fraction == form.fraction and form.lowest <= interval.low and interval.high <= form.highest:

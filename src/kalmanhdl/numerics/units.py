@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm.step import Update
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import Graph
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.ranges import Plots, Ranges, observed
 from kalmanhdl.numerics.scaling import Scaling
@@ -24,18 +25,23 @@ def units(model: LinearModel, update: Update, specification: FixedSpecification,
     then divided by the variance of its first measurement, so that this measurement has R = 1.
     """
     graph = trace(model, update)
+    ranges, roots = observed(graph, model, plots), dict(graph.states)
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)
     else:
-        ranges, roots = observed(graph, model, plots), dict(graph.states)
         state = np.array([_unit(ranges, roots[f"x[{i}]"], specification) for i in range(model.n)])
     measurement = _measurement_units(model, state, plots)
+    covariance = _covariance_units(model, components(graph), measurement, specification)
+    if not isinstance(specification.scale, tuple):
+        state = _roomier(graph, ranges, state, covariance, specification)
+        measurement = _measurement_units(model, state, plots)
+        covariance = _covariance_units(model, components(graph), measurement, specification)
     control = np.array([_power(float(np.abs(plots.u[..., k]).max())) for k in range(model.p)])
     return Scaling(
         state=state,
         measurement=measurement,
         control=control,
-        covariance=_covariance_units(model, components(graph), measurement, specification),
+        covariance=covariance,
     )
 
 
@@ -43,6 +49,22 @@ def _unit(ranges: Ranges, root: int, specification: FixedSpecification) -> float
     form = specification.form("state")
     reach = float(form.real(form.highest)) if isinstance(form, Fixed) else 1.0
     return _power(max(-ranges.low[root], ranges.high[root]) * 1.25) / _power(reach)
+
+
+def _roomier(
+    graph: Graph, ranges: Ranges, state: Array, covariance: Array, specification: FixedSpecification
+) -> Array:
+    """Larger units for states whose variance would leave a format that the design gives covariances."""
+    form, roots = specification.form("covariance"), dict(graph.states)
+    if not isinstance(form, Fixed):
+        return state
+    reach = float(form.real(form.highest))
+    enlarged = state.copy()
+    for i, unit in enumerate(state):
+        if f"P[{i},{i}]" in roots:
+            variance = ranges.high[roots[f"P[{i},{i}]"]] / covariance[i]
+            enlarged[i] = max(unit, _power(math.sqrt(max(variance, 0.0) / reach)))
+    return enlarged
 
 
 def _power(value: float) -> float:
