@@ -77,8 +77,9 @@ def generate(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[str, 
 
 
 def _table(index_bits: int) -> str:
-    entries = ", ".join(map(str, reciprocal_table(index_bits)))
-    return f"static const int64_t reciprocal_table_{index_bits}[] = {{{entries}}};"
+    table = reciprocal_table(index_bits)
+    entries, c_type = ", ".join(map(str, table)), "int32_t" if max(table) < 1 << 31 else "int64_t"
+    return f"static const {c_type} reciprocal_table_{index_bits}[] = {{{entries}}};"
 
 
 def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:

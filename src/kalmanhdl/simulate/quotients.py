@@ -112,7 +112,8 @@ def _missing_bits(divisor: Value, length: int) -> str:
     text = divisor.at(kind)
     if kind is Kind.WIDE:
         return divisor.writer.bind("int64_t", f"{length} - wide_length({text})")
-    return divisor.writer.bind("int64_t", f"{length} - bit_length_{kind.value}({text})")
+    counted = "int32_t" if kind is Kind.INT32 else "int64_t"
+    return divisor.writer.bind(counted, f"{length} - bit_length_{kind.value}({text})")
 
 
 def _shifted(value: Value, count: str, length: int) -> Value:
@@ -131,7 +132,7 @@ def _table_newton(normalised: Value, length: int, method: TableNewton, form: Fix
     table = reciprocal_table(k)
     index = rounded(normalised, length - 1 - k, Rounding.FLOOR) & ((1 << k) - 1)
     entry = f"reciprocal_table_{k}[{index.at(min(index.kind, Kind.INT64))}]"
-    value = writer.value(entry, Kind.INT64, min(table), max(table))
+    value = writer.value(entry, writer.kind(min(table), max(table)), min(table), max(table))
     for fraction, target in pairwise(method.fractions(form)):
         exact = (1 << (length + fraction + 1)) - normalised * value
         kept = target + 2
