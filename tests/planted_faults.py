@@ -41,9 +41,9 @@ _Change = Callable[[random.Random], tuple[int, int, str]]
 
 
 def _in_logic(verilog: str, match: re.Match[str]) -> bool:
-    """Whether a place is in an assignment; what registers start with is overwritten at once."""
+    """Whether a place is in what is assigned; what registers start with is overwritten at once."""
     line = verilog[verilog.rfind("\n", 0, match.start()) + 1 : match.start()]
-    return bool(re.match(r" +assign |.*<= |.*\? ", line))
+    return bool(re.match(r" +assign .* = |.*<= |.*\? ", line))
 
 
 def _constants(verilog: str) -> list[_Change]:
