@@ -52,9 +52,9 @@ def test_where_long_code_is_cut_makes_no_difference(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(10))
+@pytest.mark.parametrize("batch", range(2))
 def test_compiled_and_interpreted_engine_agree_on_many_random_graphs(batch):
-    check(range(1000 + 100 * batch, 1100 + 100 * batch), 0, 24)
+    check(range(1000 + 40 * batch, 1040 + 40 * batch), 0, 24)
 
 
 def test_tracks_do_not_mix_and_blocks_have_no_seams():
