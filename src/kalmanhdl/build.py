@@ -166,7 +166,7 @@ def verify_long(
     found: dict[str, Verification] = {}
     for run_seed, run_steps in _runs(hardware, steps, seed):
         data = plots if run_seed == seed else None
-        for one in verify(hardware, run_steps, data, run_seed, optimised=worth_optimising(steps)):
+        for one in verify(hardware, run_steps, data, run_seed, optimised=worth_optimising(hardware, steps)):
             before = found.get(one.stimulus)
             found[one.stimulus] = _joined(before, one) if before else one
     return tuple(found.values())

@@ -100,9 +100,9 @@ def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simu
     return run_side_by_side(design.model, update, typed, plots)
 
 
-def worth_optimising(steps: int) -> bool:
+def worth_optimising(hardware: Hardware, steps: int) -> bool:
     """Whether so many steps repay the compilation of an optimised simulator."""
-    return steps > 20_000
+    return steps * hardware.plan.interval > 20_000
 
 
 def verify(
@@ -141,7 +141,7 @@ def verify(
         hardware.verilog,
         hardware.design.name,
         border_of(hardware.interface),
-        optimised=worth_optimising(steps) if optimised is None else optimised,
+        optimised=worth_optimising(hardware, steps) if optimised is None else optimised,
     )
     return tuple(
         run(library, hardware.design.name, hardware.interface, typed, given, stimulus=name, stalls=stalls)

@@ -127,3 +127,13 @@ def test_a_track_starts_with_the_first_two_complete_rows():
     none, start, predict, update = Command.NONE, Command.INITIALISE, Command.PREDICT, Command.UPDATE
     assert list(found[:, 0]) == [none, none, start, start, predict, update]
     assert list(started(model, found)[:, 0]) == [False, False, False, True, True, True]
+
+
+def test_a_belief_before_the_first_row_is_predicted_by_that_rows_controls(update):
+    F, B = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.5], [1.0]])
+    x, P, Q = np.array([1.0, -0.5]), np.diag([2.0, 1.0]), 0.1 * np.eye(2)
+    start = given(x, P, at="before_first")
+    model = linear_model(F, [[1.0, 0.0]], Q, [[1.0]], initial=start, B=B, offset=[0.1, 0.2])
+    found = _estimates(model, update, np.array([[np.nan]]), np.array([[3.0]]))
+    np.testing.assert_allclose(found.x[0, 0], F @ x + B[:, 0] * 3.0 + [0.1, 0.2], rtol=1e-14)
+    np.testing.assert_allclose(found.P[0, 0], F @ P @ F.T + Q, rtol=1e-14)

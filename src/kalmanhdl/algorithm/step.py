@@ -74,7 +74,7 @@ def step(model: LinearModel, update: Update, belief: Belief, given: Given) -> Ou
     """
     initial = model.initial
     prior = predict(model, belief, given.u)
-    start = _start(model, belief, given.z)
+    start = _start(model, belief, given)
     if initial.before_update:
         outcome = update(model, _either(given.initialise, start, prior), given.z, given.valid)
         posterior = outcome.belief
@@ -86,12 +86,14 @@ def step(model: LinearModel, update: Update, belief: Belief, given: Given) -> Ou
     return Outcome(posterior, outcome.innovation, outcome.nis)
 
 
-def _start(model: LinearModel, belief: Belief, z: Array) -> Belief:
+def _start(model: LinearModel, belief: Belief, given: Given) -> Belief:
     """The belief that ``initialise`` makes; see ``model.state_space.Initial``."""
     initial = model.initial
-    x = initial.x.astype(object) + initial.from_measurement.astype(object) @ z
+    x = initial.x.astype(object) + initial.from_measurement.astype(object) @ given.z
     if np.any(initial.from_state):
         x = x + initial.from_state.astype(object) @ belief.x
+    if initial.from_control is not None:
+        x = x + initial.from_control.astype(object) @ given.u
     return Belief(named("initialise: x", x), initial.P.astype(object))
 
 

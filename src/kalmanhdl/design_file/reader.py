@@ -210,6 +210,7 @@ def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
         x=np.array(checked.x),
         from_measurement=np.array(checked.from_measurement),
         from_state=np.array(checked.from_state),
+        from_control=None if checked.from_control is None else np.array(checked.from_control),
         P=np.array(checked.P),
         points=checked.points,
         before_update=checked.before_update,

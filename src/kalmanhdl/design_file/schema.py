@@ -93,13 +93,15 @@ class TwoPointTable(Table):
 
 
 class AffineTable(Table):
-    """``kind = "affine"``: the general form, x := x + from_measurement z + from_state (x kept before)."""
+    """``kind = "affine"``: the general form, x := x + from_measurement z + from_state (x kept before)
+    + from_control u."""
 
     kind: str
     x: Vector
     P: Matrix
     from_measurement: Matrix
     from_state: Matrix
+    from_control: Matrix | None = None
     points: Integer = 1
     before_update: bool = False
 

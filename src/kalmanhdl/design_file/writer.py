@@ -69,10 +69,13 @@ def _model(model: LinearModel) -> Lines:
 def _initial(initial: Initial) -> Lines:
     is_given = initial.points == 1 and initial.before_update
     is_given = is_given and not initial.from_measurement.any() and not initial.from_state.any()
+    is_given = is_given and initial.from_control is None
     lines = ["[model.initial]", f'kind = "{"given" if is_given else "affine"}"', f"x = {_vector(initial.x)}"]
     if not is_given:
         lines.append(f"from_measurement = {_matrix(initial.from_measurement)}")
         lines.append(f"from_state = {_matrix(initial.from_state)}")
+        if initial.from_control is not None:
+            lines.append(f"from_control = {_matrix(initial.from_control)}")
         lines.append(f"points = {initial.points}")
         lines.append(f"before_update = {str(initial.before_update).lower()}")
     return [*lines, f"P = {_matrix(initial.P)}"]

@@ -20,7 +20,7 @@ def given(x: ArrayLike, P: ArrayLike, *, at: At = "first") -> InitialRule:
 
     At ``"first"`` it is the a priori belief for the first row, whose own measurements then update it (the
     convention of pykalman and statsmodels). At ``"before_first"`` it belongs one step earlier, and the
-    prediction to the first row, with controls of 0, is done here (the convention of filterpy).
+    prediction to the first row, by that row's controls, is part of the start (the convention of filterpy).
     """
 
     def start(dynamics: Dynamics) -> Initial:
@@ -41,6 +41,7 @@ def given(x: ArrayLike, P: ArrayLike, *, at: At = "first") -> InitialRule:
             P=covariance,
             points=1,
             before_update=True,
+            from_control=dynamics.B if at == "before_first" and dynamics.B.shape[1] else None,
         )
 
     return start

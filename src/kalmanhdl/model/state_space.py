@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 class Initial:
     """How the command ``initialise`` starts a track from measurement z and the state x kept before.
 
-        x := x0 + from_measurement z + from_state x,   P := P0
+        x := x0 + from_measurement z + from_state x + from_control u,   P := P0
 
     A k-point initialisation (``points = k``) is k such commands in a row: what the earlier ones leave in
     the state, the last one needs. With ``before_update`` the result is the a priori belief for the row
     of the command, which its valid measurements then update; otherwise it is that row's estimate.
 
-    Shapes: x0 (n,), from_measurement (n, m), from_state (n, n), P (n, n).
+    Shapes: x0 (n,), from_measurement (n, m), from_state (n, n), P (n, n), from_control (n, p), None for 0.
     """
 
     x: Array
@@ -36,6 +36,7 @@ class Initial:
     P: Array
     points: int
     before_update: bool
+    from_control: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,7 +151,7 @@ def linear_model(
         H=H,
         Q=dynamics.Q,
         R=dynamics.R,
-        initial=_checked_initial(start, n, m),
+        initial=_checked_initial(start, n, m, B.shape[1]),
         B=B,
         offset=dynamics.offset,
         measurement_offset=dynamics.measurement_offset,
@@ -179,7 +180,8 @@ def _vector(key: str, value: ArrayLike | None, count: int, what: str) -> Array:
     return checks.array(key, value, (count,), f"{count} numbers, one a {what}")
 
 
-def _checked_initial(start: Initial, n: int, m: int) -> Initial:
+def _checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
+    control = start.from_control
     P = checks.array("initial.P", start.P, (n, n), f"P is {n} x {n}, as F")
     return Initial(
         x=_vector("initial.x", start.x, n, "state"),
@@ -190,6 +192,9 @@ def _checked_initial(start: Initial, n: int, m: int) -> Initial:
         P=checks.covariance("initial.P", P, definite=False),
         points=_checked_points(start.points),
         before_update=bool(start.before_update),
+        from_control=None
+        if control is None
+        else checks.array("initial.from_control", control, (n, p), f"from_control is {n} x {p}"),
     )
 
 

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kalmanhdl.algorithm.step import Update
 from kalmanhdl.algorithm.trace import trace
 from kalmanhdl.graph.balance import balanced
@@ -13,6 +16,7 @@ from kalmanhdl.numerics.scaling import Scaling, scaled
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.numerics.units import units
+from kalmanhdl.validation import InvalidValueError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,12 +31,20 @@ class Numbers:
 def numbers(model: LinearModel, update: Update, specification: FixedSpecification) -> Numbers:
     """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
     plots = simulated(model, specification.coast)
+    _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
     scaling = units(model, update, specification, plots)
     inner = scaled(model, scaling)
+    for name in ("F", "H", "Q", "R", "B"):
+        _check_finite(getattr(inner, name), "scale", f"{name} in these units is no finite number")
     graph = balanced(trace(inner, update))
     ranges = observed(graph, inner, in_units(plots, scaling))
     typed = quantise(graph, ranges, specification, scaling.units(model))
     return Numbers(scaling=scaling, graph=graph, typed=typed)
+
+
+def _check_finite(array: NDArray[np.float64], key: str, problem: str) -> None:
+    if not np.isfinite(array).all():
+        raise InvalidValueError("numerics" if key == "scale" else "model", key, f": {problem}")
 
 
 def in_units(plots: Plots, scaling: Scaling) -> Plots:

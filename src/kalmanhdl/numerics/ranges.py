@@ -52,8 +52,8 @@ def simulated(
     noise, spread = _root(model.Q), _root(model.R)
     z, u = np.zeros((steps, tracks, model.m)), np.zeros((steps, tracks, model.p))
     for k in range(steps):
+        u[k] = random.standard_normal((tracks, model.p))
         if k:
-            u[k] = random.standard_normal((tracks, model.p))
             drift = random.standard_normal((tracks, model.n)) @ noise.T
             x = x @ model.F.T + u[k] @ model.B.T + model.offset + drift
         error = random.standard_normal((tracks, model.m)) @ spread.T

@@ -63,6 +63,7 @@ def scaled(model: LinearModel, scaling: Scaling) -> LinearModel:
             from_measurement=initial.from_measurement * e / d[:, None],
             from_state=initial.from_state * d / d[:, None],
             P=initial.P / np.outer(d, d) / spread,
+            from_control=None if initial.from_control is None else initial.from_control * g / d[:, None],
         ),
         measurement_range=None if model.measurement_range is None else model.measurement_range / e[:, None],
         nis_weight=None if np.all(c_measured == 1.0) else 1.0 / c_measured,

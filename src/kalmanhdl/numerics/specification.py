@@ -4,7 +4,7 @@ import math
 import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
@@ -68,6 +68,8 @@ class FixedSpecification:
 
     def __post_init__(self) -> None:
         _check_form("width", self.width)
+        object.__setattr__(self, "rounding", _mode("rounding", self.rounding, Rounding))
+        object.__setattr__(self, "overflow", _mode("overflow", self.overflow, Overflow))
         for name, form in self.classes.items():
             if name not in SIGNAL_CLASSES:
                 problem = f" is no signal class: {nearest(str(name), SIGNAL_CLASSES)}"
@@ -106,6 +108,18 @@ def parse_format(text: str) -> Fixed | None:
     if not 1 <= integer + fraction <= MAX_WIDTH:
         return None
     return Fixed(width=integer + fraction, fraction=fraction, signed=not match[1])
+
+
+_Mode = TypeVar("_Mode", Rounding, Overflow)
+
+
+def _mode(key: str, value: object, modes: type[_Mode]) -> _Mode:
+    """A mode, or the word for it as a design file has it."""
+    try:
+        return modes(value)
+    except ValueError:
+        words = ", ".join(mode.value for mode in modes)
+        raise InvalidValueError("numerics", key, f" = {shown(value)}: one of {words}") from None
 
 
 def _check_form(key: str, form: object, table: str = "numerics") -> None:

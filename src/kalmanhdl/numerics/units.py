@@ -13,6 +13,7 @@ from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.ranges import Plots, Ranges, observed
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.validation import InvalidValueError
 
 Array = NDArray[np.float64]
 
@@ -90,13 +91,22 @@ def _covariance_units(
     measurement: Array,
     specification: FixedSpecification,
 ) -> Array:
-    asked = specification.covariance_scale
+    asked, groups = specification.covariance_scale, [[int(name[2:-1]) for name in part] for part in parts]
     if asked != "auto":
-        return np.broadcast_to(np.array(asked, float), model.n).copy()
+        given = np.broadcast_to(np.array(asked, float), model.n).copy()
+        _check_equal(given, groups, model)
+        return given
     result = np.ones(model.n)
-    for part in parts:
-        states = [int(name[2:-1]) for name in part]
+    for states in groups:
         seen = [j for j in range(model.m) if np.any(model.H[j, states])]
         if seen:
             result[states] = model.R[seen[0], seen[0]] / measurement[seen[0]] ** 2
     return result
+
+
+def _check_equal(given: Array, groups: list[list[int]], model: LinearModel) -> None:
+    for states in groups:
+        if len(set(given[states])) > 1:
+            names = ", ".join(model.state_names[i] for i in states)
+            problem = f" = {given[states].tolist()} for {names}: equal within states that are coupled"
+            raise InvalidValueError("numerics", "covariance_scale", problem)
