@@ -132,7 +132,8 @@ def _table_newton(normalised: Value, length: int, method: TableNewton, form: Fix
     table = reciprocal_table(k)
     index = rounded(normalised, length - 1 - k, Rounding.FLOOR) & ((1 << k) - 1)
     entry = f"reciprocal_table_{k}[{index.at(min(index.kind, Kind.INT64))}]"
-    value = writer.value(entry, writer.kind(min(table), max(table)), min(table), max(table))
+    kind = Kind.INT32 if max(table) < 1 << 31 else Kind.INT64
+    value = writer.value(entry, kind, min(table), max(table))
     for fraction, target in pairwise(method.fractions(form)):
         exact = (1 << (length + fraction + 1)) - normalised * value
         kept = target + 2
