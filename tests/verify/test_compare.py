@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_faults import plant
-from random_designs import random_design
 
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import KalmanhdlError
@@ -15,6 +13,8 @@ from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.pipeline import compile_design, verify
 from kalmanhdl.simulate.data import plots_from_arrays
+from planted_faults import plant
+from random_designs import random_design
 
 pytestmark = [
     pytest.mark.skipif(not any(map(shutil.which, ("g++", "clang++", "c++"))), reason="no C++ compiler"),
@@ -62,7 +62,8 @@ def test_a_planted_fault_is_found(hardware, seed):
 def test_a_difference_names_step_signal_and_both_values(hardware):
     line = next(line for line in hardware.verilog.splitlines() if "assign out_x_0 =" in line)
     wrong = line.replace("= ", "= 12'h001 ^ ", 1)
-    with pytest.raises(KalmanhdlError, match=r"axis: step 0 \(track 0\), x\[0\]: the Verilog gives .*, the engine"):
+    message = r"axis: step 0 \(track 0\), x\[0\]: the Verilog gives .*, the engine"
+    with pytest.raises(KalmanhdlError, match=message):
         verify(replace(hardware, verilog=hardware.verilog.replace(line, wrong)), 100)
 
 
