@@ -15,7 +15,6 @@ from filterpy.kalman import KalmanFilter
 from rich.console import Console
 from rich.table import Table
 
-from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.design import Design
 from kalmanhdl.numerics.integers import numbers
 from kalmanhdl.simulate.engine import Engine
@@ -42,7 +41,7 @@ def rate(run: Callable[[], object], steps: int) -> float:
 def engine_rates(z: np.ndarray) -> dict[str, float]:
     """The engine as it is called: checks, copies and results included."""
     design = Design.load(DESIGN)
-    engine = Engine.of(numbers(design.model, ALGORITHMS[design.algorithm], design.numerics).typed)
+    engine = Engine.of(numbers(design.model, design.algorithm, design.numerics).typed)
     inputs = {f"z[{axis}]": np.ascontiguousarray(z[:, :, axis]) for axis in range(2)}
     flags = {f"valid[{axis}]": np.ones((STEPS, TRACKS), bool) for axis in range(2)}
     flags["initialise"] = np.zeros((STEPS, TRACKS), bool)

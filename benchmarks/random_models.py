@@ -19,7 +19,7 @@ from random_designs import random_design
 def _one(seed: int, steps: int, states: int, measurements: int) -> tuple[int, str, int, str]:
     """Build and verify one design: its seed, what it is, compared bits, and what went wrong."""
     design = random_design(seed, states, measurements)
-    shape = f"n={design.model.n} m={design.model.m} {design.algorithm}"
+    shape = f"n={design.model.n} m={design.model.m} {design.algorithm.kind}"
     try:
         hardware = compile_design(design)
         plan = hardware.plan

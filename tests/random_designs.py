@@ -24,7 +24,7 @@ def random_design(
     return Design(
         name=f"random_{seed}",
         model=_model(random, max_states, max_measurements),
-        algorithm=str(random.choice(sorted(ALGORITHMS))),
+        algorithm=ALGORITHMS[str(random.choice(sorted(ALGORITHMS)))](),
         numerics=_numerics(random),
         architecture=Architecture(interval=interval, channels=channels),
         target=Target(device=device, grade=6),

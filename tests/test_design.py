@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from kalmanhdl.algorithm import Conventional
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import DesignError
 from kalmanhdl.model.initial import given
@@ -18,7 +19,7 @@ PAIR = linear_model(*[np.eye(2)] * 4, initial=given([0, 0], np.eye(2)))
 
 def test_a_design_needs_a_name_and_a_model():
     design = Design(name="level", model=MODEL)
-    assert design.algorithm == "conventional"
+    assert design.algorithm == Conventional()
     assert design.architecture == Architecture(interval=None, channels=1)
     assert design.target.device == "ecp5-25k"
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dump, load
 from kalmanhdl.errors import DesignError, ToolError
@@ -152,7 +151,7 @@ def read_build(folder: Path) -> Hardware:
 
 def planned_design(design: Design) -> tuple[Numbers, Plan]:
     """The numbers and the schedule of a design, without its Verilog. Raises FormatError, ScheduleError."""
-    typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
+    typed = numbers(design.model, design.algorithm, design.numerics)
     return typed, planned(design, typed)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
@@ -71,13 +71,15 @@ class Target:
 class Design:
     """What is estimated, how, with which numbers, how fast and on which device.
 
+    A word for ``algorithm`` is the algorithm of that kind with its defaults.
+
     Raises:
         DesignError: a name, an algorithm or a number that cannot be.
     """
 
     name: str
     model: LinearModel
-    algorithm: str = "conventional"
+    algorithm: Algorithm = field(default_factory=Conventional)
     numerics: FixedSpecification = field(default_factory=FixedSpecification)
     architecture: Architecture = field(default_factory=Architecture)
     target: Target = field(default_factory=Target)
@@ -88,9 +90,7 @@ class Design:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
-        if not isinstance(self.algorithm, str) or self.algorithm not in ALGORITHMS:
-            hint = nearest(str(self.algorithm), ALGORITHMS)
-            raise InvalidValueError("algorithm", "kind", f" = {shown(self.algorithm)} is unknown: {hint}")
+        object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
         _check_scales(self.numerics, self.model.n)
         _check_signals(self.numerics, self.model)
 
@@ -147,6 +147,15 @@ class Design:
 
         plots = None if z is None else plots_from_arrays(z, self.model, u)
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
+
+
+def _algorithm(choice: object) -> Algorithm:
+    if isinstance(choice, Algorithm):
+        return choice
+    if not isinstance(choice, str) or choice not in ALGORITHMS:
+        hint = nearest(str(choice), ALGORITHMS)
+        raise InvalidValueError("algorithm", "kind", f" = {shown(choice)} is unknown: {hint}")
+    return ALGORITHMS[choice]()
 
 
 def _check_integer(table: str, key: str, value: object, low: int, high: int) -> None:

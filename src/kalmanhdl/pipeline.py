@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.design import Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.integers import Numbers, numbers
@@ -54,7 +53,7 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
     """
     seconds: dict[str, float] = {}
     with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
-        typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
+        typed = numbers(design.model, design.algorithm, design.numerics)
     with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
     with timed(seconds, "rtl", progress, "writing Verilog"):
@@ -95,9 +94,8 @@ def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
 
 def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simulation:
     """Float reference and bit-exact engine side by side on data."""
-    update = ALGORITHMS[design.algorithm]
-    typed = typed or numbers(design.model, update, design.numerics)
-    return run_side_by_side(design.model, update, typed, plots)
+    typed = typed or numbers(design.model, design.algorithm, design.numerics)
+    return run_side_by_side(design.model, design.algorithm(design.model), typed, plots)
 
 
 def worth_optimising(hardware: Hardware, steps: int) -> bool:

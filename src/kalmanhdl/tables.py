@@ -131,7 +131,7 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
     needed, monitoring = operation_counts(numbers.graph)
     clock = 1000 / plan.period_ns if plan.period_ns else 0.0
     head = [
-        ("design", f"{design.name}, {design.algorithm}"),
+        ("design", f"{design.name}, {design.algorithm.kind}"),
         ("operations", _counted(needed)),
         ("", f"{_counted(monitoring) or 'none'} for innovation and NIS alone"),
         ("schedule", _schedule(plan)),

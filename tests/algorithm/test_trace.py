@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kalmanhdl.algorithm import ALGORITHMS
-from kalmanhdl.algorithm.step import Belief, Given, step
+from kalmanhdl.algorithm.filter import Given, step
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.design import Design
 from kalmanhdl.graph.balance import balanced
@@ -23,23 +23,26 @@ def _counts(graph):
 
 def test_the_radar_filter_needs_eight_multiplications_and_two_reciprocals():
     design = Design.load(DESIGNS + "lee1997.toml")
-    graph = numbers(design.model, ALGORITHMS["conventional"], design.numerics).graph
+    graph = numbers(design.model, ALGORITHMS["conventional"](), design.numerics).graph
     found = _counts(graph)
     assert (found["multiply"], found["reciprocal"], found["divide"]) == (8, 2, 0)
     # In the paper's own units as well, where R is not one.
-    unscaled = _counts(trace(design.model, ALGORITHMS["conventional"]))
+    unscaled = _counts(trace(design.model, ALGORITHMS["conventional"]()(design.model)))
     assert (unscaled["multiply"], unscaled["reciprocal"], unscaled["divide"]) == (8, 2, 0)
 
 
 def test_range_and_bearing_fall_apart():
     design = Design.load(DESIGNS + "lee1997.toml")
-    for update in ALGORITHMS.values():
-        assert components(trace(design.model, update)) == (("x[0]", "x[1]"), ("x[2]", "x[3]"))
+    for algorithm in ALGORITHMS.values():
+        assert components(trace(design.model, algorithm()(design.model))) == (
+            ("x[0]", "x[1]"),
+            ("x[2]", "x[3]"),
+        )
 
 
 def test_only_the_filled_upper_triangle_is_state():
     design = Design.load(DESIGNS + "lee1997.toml")
-    states = [name for name, _ in trace(design.model, ALGORITHMS["conventional"]).states]
+    states = [name for name, _ in trace(design.model, ALGORITHMS["conventional"]()(design.model)).states]
     assert states[4:] == ["P[0,0]", "P[0,1]", "P[1,1]", "P[2,2]", "P[2,3]", "P[3,3]"]
 
 
@@ -50,37 +53,35 @@ def _leaves(graph, random):
     return leaves
 
 
-def _run(model, update, leaves):
+def _run(model, filter_, leaves):
     """The algorithm itself on the same numbers, element by element arrays over samples."""
-    n, zero = model.n, np.zeros(7)
-    x = np.empty(n, object)
-    P = np.empty((n, n), object)
-    for i in range(n):
-        x[i] = leaves.get(f"x[{i}]", zero)
-        for j in range(i, n):
-            P[i, j] = P[j, i] = leaves.get(f"P[{i},{j}]", zero)
+    zero = np.zeros(7)
+    memory = {
+        kept.name: kept.whole({place: leaves.get(kept.element(place), zero) for place in kept.places()})
+        for kept in filter_.kept
+    }
     z, u = np.empty(model.m, object), np.empty(model.p, object)
     for j in range(model.m):
         z[j] = leaves.get(f"z[{j}]", zero)
     for k in range(model.p):
         u[k] = leaves.get(f"u[{k}]", zero)
     valid = tuple(leaves[f"valid[{j}]"] for j in range(model.m))
-    return step(model, update, Belief(x, P), Given(z, valid, u, leaves["initialise"]))
+    return step(filter_, memory, Given(z, valid, u, leaves["initialise"]))
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("seed", range(30))
 def test_the_graph_computes_what_the_algorithm_does(seed):
     design = random_design(seed, max_states=4)
-    model, update = design.model, ALGORITHMS[design.algorithm]
-    plain = trace(model, update)
+    model, filter_ = design.model, design.algorithm(design.model)
+    plain = trace(model, filter_)
     random = np.random.default_rng(seed)
     leaves = _leaves(plain, random)
     for i in range(model.n):
         # Any covariance will do, as long as S can be inverted safely.
         if f"P[{i},{i}]" in leaves:
             leaves[f"P[{i},{i}]"] = 10 * model.n + np.abs(leaves[f"P[{i},{i}]"])
-    outcome = _run(model, update, leaves)
+    outcome = _run(model, filter_, leaves)
     for graph in (plain, balanced(plain)):
         values = evaluate(graph, leaves)
         for name, root in (*graph.states, *graph.outputs):

@@ -33,7 +33,7 @@ def test_signed_digits_give_the_number_with_no_two_side_by_side(value):
 
 
 def test_no_multiplication_by_a_constant_is_left():
-    typed = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).typed
+    typed = numbers(LEE.model, ALGORITHMS["conventional"](), LEE.numerics).typed
     operations = typed.graph.operations
     for operation in operations:
         if isinstance(operation, Multiply):
@@ -41,14 +41,14 @@ def test_no_multiplication_by_a_constant_is_left():
 
 
 def test_one_measurement_has_unit_variance_and_states_fill_their_format():
-    found = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).scaling
+    found = numbers(LEE.model, ALGORITHMS["conventional"](), LEE.numerics).scaling
     assert np.all(np.log2(found.state) == np.round(np.log2(found.state)))
     variance = np.diag(LEE.model.R) / found.measurement**2 / found.covariance[[0, 2]]
     np.testing.assert_allclose(variance, 1.0, rtol=1e-15)
 
 
 def test_every_flag_belongs_to_a_value_that_can_leave_its_format():
-    typed = numbers(LEE.model, ALGORITHMS["conventional"], LEE.numerics).typed
+    typed = numbers(LEE.model, ALGORITHMS["conventional"](), LEE.numerics).typed
     for violation in typed.violations:
         assert isinstance(typed.graph.operations[violation.outside], Outside)
         assert violation.starting or violation.running
@@ -58,7 +58,7 @@ def test_every_flag_belongs_to_a_value_that_can_leave_its_format():
 @pytest.mark.parametrize("seed", range(25))
 def test_every_value_stays_within_its_interval_and_format(seed):
     design = random_design(seed, max_states=3, max_measurements=2)
-    typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics).typed
+    typed = numbers(design.model, design.algorithm, design.numerics).typed
     random = np.random.default_rng(seed)
     state = {name: 0 for name, _ in typed.graph.states}
     for _ in range(4):
@@ -86,8 +86,8 @@ def test_wide_formats_come_close_to_the_float_reference(algorithm):
     z = steps + random.standard_normal((60, 2)) * [1000.0, 0.017]
     z[20:23] = np.nan
     specification = FixedSpecification(width=40, classes={"constant": 40})
-    found = numbers(LEE.model, ALGORITHMS[algorithm], specification)
-    result = simulate(LEE.model, ALGORITHMS[algorithm], found, plots_from_arrays(z, LEE.model))
+    found = numbers(LEE.model, ALGORITHMS[algorithm](), specification)
+    result = simulate(LEE.model, ALGORITHMS[algorithm]()(LEE.model), found, plots_from_arrays(z, LEE.model))
     assert result.saturations == 0
     spread = np.sqrt(np.nanmax(np.abs(result.reference.P[..., range(4), range(4)]), axis=(0, 1)))
     error = np.nanmax(np.abs(result.exact.x - result.reference.x), axis=(0, 1))
@@ -100,7 +100,7 @@ def test_a_start_outside_its_format_is_refused_with_a_remedy():
         classes={"covariance": Fixed(width=12, fraction=8)}, scale=(1.0,) * 4, covariance_scale=1.0
     )
     with pytest.raises(FormatError, match=r"P\[0,0\] starts at 1e\+06 but .* use fewer fraction bits"):
-        numbers(LEE.model, ALGORITHMS["conventional"], specification)
+        numbers(LEE.model, ALGORITHMS["conventional"](), specification)
 
 
 def test_formats_that_are_given_are_kept():
@@ -108,7 +108,7 @@ def test_formats_that_are_given_are_kept():
     specification = FixedSpecification(
         classes=dict.fromkeys(("state", "covariance", "gain", "measurement", "innovation"), form)
     )
-    typed = numbers(LEE.model, ALGORITHMS["conventional"], specification).typed
+    typed = numbers(LEE.model, ALGORITHMS["conventional"](), specification).typed
     roots = dict(typed.graph.states)
     assert typed.formats[roots["x[0]"]] == form
     quantised = [o.form for o in typed.graph.operations if isinstance(o, Quantise)]

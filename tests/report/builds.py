@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.design import Design, Target
 from kalmanhdl.numerics.integers import numbers
 from kalmanhdl.pipeline import Hardware, planned, simulate
@@ -18,7 +17,7 @@ DESIGNS = Path(__file__).parents[2] / "designs"
 def hardware(design: Design) -> Hardware:
     """A design without its Verilog, for the device of the tests."""
     design = replace(design, target=Target(device="unit", grade=1))
-    typed = numbers(design.model, ALGORITHMS[design.algorithm], design.numerics)
+    typed = numbers(design.model, design.algorithm, design.numerics)
     plan = planned(design, typed)
     return Hardware(
         design=design,

@@ -1,7 +1,9 @@
 """How the model is estimated: one file an algorithm, each a pure function over arrays."""
 
-from kalmanhdl.algorithm.conventional import conventional
-from kalmanhdl.algorithm.joseph import joseph
-from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.conventional import Conventional
+from kalmanhdl.algorithm.filter import Algorithm
+from kalmanhdl.algorithm.joseph import Joseph
 
-ALGORITHMS: dict[str, Update] = {"conventional": conventional, "joseph": joseph}
+__all__ = ["ALGORITHMS", "Algorithm", "Conventional", "Joseph"]
+
+ALGORITHMS: dict[str, type[Algorithm]] = {each.kind: each for each in (Conventional, Joseph)}

@@ -1,26 +1,39 @@
 """The conventional covariance filter."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
+from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
 from kalmanhdl.algorithm.gain import Gain, direct, normalised_innovation_squared, optimal_gain
-from kalmanhdl.algorithm.step import Belief, Outcome, innovation
 from kalmanhdl.graph.linear_algebra import symmetric
-from kalmanhdl.graph.signal import Array, Condition, named, select
+from kalmanhdl.graph.signal import Array, Condition, select
 from kalmanhdl.model.state_space import LinearModel
 
 
-def conventional(model: LinearModel, prior: Belief, z: Array, valid: tuple[Condition, ...]) -> Outcome:
+@dataclass(frozen=True, slots=True)
+class Conventional(Algorithm):
     """Update by P = (I - K H) P, lee1997 eq. 6 to 8.
 
     The cheapest form. Rounding can cost P its symmetry, which is kept by computing one triangle, and its
     definiteness, which is not: choose Joseph where P spans many orders of magnitude. Multiplications of
     signals for dense H: about n m (n + m) + n (n + 1) m / 2 + m^3 / 3, and m reciprocals.
     """
-    y = innovation(model, prior, z, valid)
-    gain = optimal_gain(model, prior, valid)
-    x = named("update: x", prior.x + gain.K @ y)
-    P = named("update: P", symmetric(_covariance(model, prior, gain, valid)))
-    return Outcome(Belief(x, P), y, normalised_innovation_squared(model, gain, y))
+
+    kind: ClassVar[str] = "conventional"
+
+    def __call__(self, model: LinearModel) -> Filter:
+        """The filter of a model."""
+        return covariance_filter(model, lambda prior, given: _update(model, prior, given))
+
+
+def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:
+    y = innovation(model, prior.x, given)
+    gain = optimal_gain(model, prior, given.valid)
+    P = symmetric(_covariance(model, prior, gain, given.valid))
+    return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
 
 
 def _covariance(model: LinearModel, prior: Belief, gain: Gain, valid: tuple[Condition, ...]) -> Array:

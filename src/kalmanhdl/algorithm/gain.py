@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalmanhdl.algorithm.step import Belief
+from kalmanhdl.algorithm.filter import Belief
 from kalmanhdl.graph.linear_algebra import blocks, inverse, symmetric
 from kalmanhdl.graph.signal import Array, Condition, both, is_zero, named, select
 from kalmanhdl.model.state_space import LinearModel

@@ -1,30 +1,48 @@
 """The covariance filter in Joseph's form."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
+from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
 from kalmanhdl.algorithm.gain import normalised_innovation_squared, optimal_gain
-from kalmanhdl.algorithm.step import Belief, Outcome, innovation
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, named, select
 from kalmanhdl.model.state_space import LinearModel
 
 
-def joseph(model: LinearModel, prior: Belief, z: Array, valid: tuple[Condition, ...]) -> Outcome:
+@dataclass(frozen=True, slots=True)
+class Joseph(Algorithm):
     """Update by P = (I - K H) P (I - K H)' + K R K', liu2007 eq. 4 (Bucy & Joseph, 1968).
 
     Right for any gain, and a sum of two terms that are positive semidefinite: choose it where the gain
     is coarse or approximate. Multiplications of signals for dense H: about n m (n + m) for the gain, and
     2 n^3 + n^2 m for the covariance.
     """
-    y = innovation(model, prior, z, valid)
-    gain = optimal_gain(model, prior, valid)
-    K = named("update: Kv", _of_valid(gain.K, valid))
-    x = named("update: x", prior.x + gain.K @ y)
+
+    kind: ClassVar[str] = "joseph"
+
+    def __call__(self, model: LinearModel) -> Filter:
+        """The filter of a model."""
+        return covariance_filter(model, lambda prior, given: _update(model, prior, given))
+
+
+def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:
+    y = innovation(model, prior.x, given)
+    gain = optimal_gain(model, prior, given.valid)
+    P = joseph_covariance(model, prior, gain.K, given.valid)
+    return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
+
+
+def joseph_covariance(model: LinearModel, prior: Belief, K: Array, valid: tuple[Condition, ...]) -> Array:
+    """(I - K H) P (I - K H)' + K R K' for any gain K, whose columns of missed components count as zero."""
+    K = named("update: Kv", _of_valid(K, valid))
     A = named("update: A", np.eye(model.n).astype(object) - K @ model.H.astype(object))
     AP = named("update: AP", A @ prior.P)
     KR = named("update: KR", K @ model.R.astype(object))
-    P = named("update: P", symmetric(AP @ A.T + KR @ K.T))
-    return Outcome(Belief(x, P), y, normalised_innovation_squared(model, gain, y))
+    return symmetric(AP @ A.T + KR @ K.T)
 
 
 def _of_valid(K: Array, valid: tuple[Condition, ...]) -> Array:

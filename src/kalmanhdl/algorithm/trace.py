@@ -1,48 +1,74 @@
-"""Running an algorithm on Signals to see its graph."""
+"""Running a filter on Signals to see its graph."""
+
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kalmanhdl.algorithm.step import Belief, Given, Outcome, Update, step
+from kalmanhdl.algorithm.filter import Filter, Given, Outcome, step
+from kalmanhdl.algorithm.memory import Kept, Kind, Memory
 from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import Flag, Graph, Input, State
-from kalmanhdl.graph.signal import Array, Signal, is_zero
+from kalmanhdl.graph.signal import Signal, is_zero
 from kalmanhdl.graph.simplify import simplified
 from kalmanhdl.model.state_space import LinearModel
 
+Pattern = dict[str, NDArray[np.bool_]]
 
-def trace(model: LinearModel, update: Update) -> Graph:
-    """The graph of one step, simplified, with the zeros of P that no step fills left out.
 
-    States are ``x[i]`` and the upper triangle ``P[i,j]``; outputs ``x[i]``, ``P[i,i]``,
-    ``innovation[j]`` and ``nis``; flags ``initialise`` and ``valid[j]``; inputs ``z[j]`` and ``u[k]``.
+def trace(model: LinearModel, filter_: Filter) -> Graph:
+    """The graph of one step, simplified, with the zeros of the memory that no step fills left out.
+
+    States are what the filter keeps, such as ``x[i]`` and the upper triangle ``P[i,j]``; outputs
+    ``x[i]``, ``P[i,i]``, ``innovation[j]`` and ``nis``; flags ``initialise`` and ``valid[j]``; inputs
+    ``z[j]`` and ``u[k]``.
     """
-    pattern = model.initial.P != 0
+    pattern = _started(model, filter_)
     while True:
-        graph, filled = _traced(model, update, pattern)
-        if np.array_equal(filled, pattern):
+        graph, filled = _traced(model, filter_, pattern)
+        if all(np.array_equal(filled[name], pattern[name]) for name in pattern):
             return graph
         pattern = filled
 
 
-def _traced(model: LinearModel, update: Update, pattern: Array) -> tuple[Graph, Array]:
-    """The graph when P starts with a pattern of entries, and that pattern with those a step fills."""
+def _started(model: LinearModel, filter_: Filter) -> Pattern:
+    """The elements that are not zero in a memory that has just started; every mean may be any number."""
     builder = Builder()
-    belief = _states(builder, pattern)
-    outcome = step(model, update, belief, _inputs(builder, model))
-    filled = pattern | np.array([[not is_zero(p) for p in row] for row in outcome.belief.P])
-    states, outputs = _results(builder, outcome, pattern)
+    everything = {kept.name: np.ones(kept.shape, bool) for kept in filter_.kept}
+    memory = filter_.start(_states(builder, filter_, everything), _inputs(builder, model))
+    means = {kept.name for kept in filter_.kept if kept.kind is Kind.STATE}
+    return {name: _filled(array) | (name in means) for name, array in memory.items()}
+
+
+def _filled(array: NDArray[Any]) -> NDArray[np.bool_]:
+    result = np.zeros(array.shape, bool)
+    for place in np.ndindex(*array.shape):
+        result[place] = not is_zero(array[place])
+    return result
+
+
+def _traced(model: LinearModel, filter_: Filter, pattern: Pattern) -> tuple[Graph, Pattern]:
+    """The graph when the memory has a pattern of elements, and that pattern with those a step fills."""
+    builder = Builder()
+    memory = _states(builder, filter_, pattern)
+    outcome = step(filter_, memory, _inputs(builder, model))
+    filled = {name: pattern[name] | _filled(array) for name, array in outcome.memory.items()}
+    states, outputs = _results(builder, filter_.kept, outcome, pattern)
     live = _live(builder, states, outputs)
     return simplified(builder.graph([s for s in states if s[0] in live], outputs)), filled
 
 
-def _states(builder: Builder, pattern: Array) -> Belief:
-    n = len(pattern)
-    x = np.array([_leaf(builder, State(f"x[{i}]")) for i in range(n)], object)
-    P = np.zeros((n, n), object)
-    for i, j in zip(*np.triu_indices(n), strict=True):
-        if pattern[i, j]:
-            P[i, j] = P[j, i] = _leaf(builder, State(f"P[{i},{j}]"))
-    return Belief(x, P)
+def _states(builder: Builder, filter_: Filter, pattern: Pattern) -> Memory:
+    return {
+        kept.name: kept.whole(
+            {
+                place: _leaf(builder, State(kept.element(place)))
+                for place in kept.places()
+                if pattern[kept.name][place]
+            }
+        )
+        for kept in filter_.kept
+    }
 
 
 def _inputs(builder: Builder, model: LinearModel) -> Given:
@@ -63,19 +89,23 @@ def _leaf(builder: Builder, operation: Input | State | Flag) -> Signal:
 Named = list[tuple[str, int]]
 
 
-def _results(builder: Builder, outcome: Outcome, pattern: Array) -> tuple[Named, Named]:
-    n = len(pattern)
-
+def _results(
+    builder: Builder, kept: tuple[Kept, ...], outcome: Outcome, pattern: Pattern
+) -> tuple[Named, Named]:
     def index(value: object) -> int:
         return value.index if isinstance(value, Signal) else builder.constant(float(value))  # type: ignore[arg-type]
 
-    x, P = outcome.belief.x, outcome.belief.P
-    states = [(f"x[{i}]", index(x[i])) for i in range(n)]
-    states += [(f"P[{i},{j}]", index(P[i, j])) for i in range(n) for j in range(i, n) if pattern[i, j]]
+    states = [
+        (each.element(place), index(outcome.memory[each.name][place]))
+        for each in kept
+        for place in each.places()
+        if pattern[each.name][place]
+    ]
     nis = index(outcome.nis)
     builder.name(nis, "output: nis")
-    outputs = [(f"x[{i}]", index(x[i])) for i in range(n)]
-    outputs += [(f"P[{i},{i}]", index(P[i, i])) for i in range(n)]
+    x, P = outcome.belief.x, outcome.belief.P
+    outputs = [(f"x[{i}]", index(value)) for i, value in enumerate(x)]
+    outputs += [(f"P[{i},{i}]", index(P[i, i])) for i in range(len(x))]
     outputs += [(f"innovation[{j}]", index(y)) for j, y in enumerate(outcome.innovation)]
     return states, [*outputs, ("nis", nis)]
 

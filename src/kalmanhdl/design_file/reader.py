@@ -10,14 +10,15 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.design_file.lines import line_of
 from kalmanhdl.design_file.schema import (
+    ALGORITHM_TABLES,
     INITIALS,
     MODELS,
     NUMERICS,
     AffineTable,
-    AlgorithmTable,
     ArchitectureTable,
     FixedTable,
     GivenTable,
@@ -104,14 +105,13 @@ def _parsed(text: str, source: str) -> dict[str, Any]:
 def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Design:
     root = _checked(RootTable, tables, "", Context({}))
     context = Context(_constants(root.model.get("constants", {}), constants))
-    algorithm = _checked(AlgorithmTable, root.algorithm, "algorithm", context)
     architecture = _checked(ArchitectureTable, root.architecture, "architecture", context)
     target = _checked(TargetTable, root.target, "target", context)
     interval = None if architecture.interval == "bound" else architecture.interval
     return Design(
         name=root.name,
         model=_model(root.model, context),
-        algorithm=algorithm.kind,
+        algorithm=_algorithm(root.algorithm, context),
         numerics=_numerics(root.numerics, context),
         architecture=Architecture(
             interval=interval,
@@ -215,6 +215,11 @@ def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
         points=checked.points,
         before_update=checked.before_update,
     )
+
+
+def _algorithm(table: dict[str, Any], context: Context) -> Algorithm:
+    checked = _of_kind(ALGORITHM_TABLES, {"kind": Conventional.kind, **table}, "algorithm", context)
+    return ALGORITHMS[checked.kind](**checked.model_dump(exclude={"kind"}, exclude_unset=True))
 
 
 def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:

@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design_file.values import (
@@ -107,9 +108,9 @@ class AffineTable(Table):
 
 
 class AlgorithmTable(Table):
-    """How the estimate is computed."""
+    """How the estimate is computed, by an algorithm without options."""
 
-    kind: str = "conventional"
+    kind: str
 
 
 class FixedTable(Table):
@@ -169,4 +170,6 @@ INITIALS: dict[str, type[Table]] = {
     "two_point": TwoPointTable,
     "affine": AffineTable,
 }
+# Algorithms with options have a table of their own, whose keys are the algorithm's fields.
+ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = dict.fromkeys(ALGORITHMS, AlgorithmTable)
 NUMERICS: dict[str, type[FixedTable]] = {"fixed": FixedTable}

@@ -39,7 +39,7 @@ def dumps(design: Design) -> str:
         [f"name = {_text(design.name)}"],
         _model(design.model),
         _initial(design.model.initial),
-        ["[algorithm]", f"kind = {_text(design.algorithm)}"],
+        ["[algorithm]", f"kind = {_text(design.algorithm.kind)}"],
         _numerics(design.numerics),
         _signals(design.numerics),
         _architecture(design.architecture),

@@ -67,14 +67,6 @@ def select(condition: Condition, a: Scalar, b: Scalar) -> Any:
     return chosen if chosen.ndim else float(chosen)
 
 
-def select_all(condition: Condition, a: Array, b: Array) -> Array:
-    """``select`` for every element of arrays of one shape."""
-    chosen = np.empty(a.shape, object)
-    for place in np.ndindex(*a.shape):
-        chosen[place] = select(condition, a[place], b[place])
-    return chosen
-
-
 def both(a: Condition, b: Condition) -> Any:
     """The condition a and b."""
     if isinstance(a, Signal) and isinstance(b, Signal):

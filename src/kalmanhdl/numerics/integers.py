@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.trace import trace
 from kalmanhdl.graph.balance import balanced
 from kalmanhdl.graph.operations import Graph
@@ -28,17 +28,18 @@ class Numbers:
     typed: TypedGraph
 
 
-def numbers(model: LinearModel, update: Update, specification: FixedSpecification) -> Numbers:
+def numbers(model: LinearModel, algorithm: Algorithm, specification: FixedSpecification) -> Numbers:
     """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
     plots = simulated(model, specification.coast)
     _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
-    scaling = units(model, update, specification, plots)
+    scaling = units(model, algorithm(model), specification, plots)
     inner = scaled(model, scaling)
     for name in ("F", "H", "Q", "R", "B"):
         _check_finite(getattr(inner, name), "scale", f"{name} in these units is no finite number")
-    graph = balanced(trace(inner, update))
+    filter_ = algorithm.in_units(model, scaling.covariances())(inner)
+    graph = balanced(trace(inner, filter_))
     ranges = observed(graph, inner, in_units(plots, scaling))
-    typed = quantise(graph, ranges, specification, scaling.units(model))
+    typed = quantise(graph, ranges, specification, scaling.units(filter_.kept))
     return Numbers(scaling=scaling, graph=graph, typed=typed)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kalmanhdl.algorithm.memory import Kept, Kind
 from kalmanhdl.model.state_space import LinearModel
 
 Array = NDArray[np.float64]
@@ -24,15 +25,27 @@ class Scaling:
     control: Array
     covariance: Array
 
-    def units(self, model: LinearModel) -> dict[str, float]:
+    def covariances(self) -> Array:
+        """The real value of one unit of every entry of P. Shape (n, n)."""
+        return np.asarray(np.outer(self.state, self.state) * self.covariance[:, None])
+
+    def units(self, memory: tuple[Kept, ...]) -> dict[str, float]:
         """The real value of one unit of every input, state and output of a graph, by name."""
+        covariances = self.covariances()
         units = {f"z[{j}]": float(e) for j, e in enumerate(self.measurement)}
         units |= {f"innovation[{j}]": float(e) for j, e in enumerate(self.measurement)}
         units |= {f"u[{k}]": float(g) for k, g in enumerate(self.control)}
-        for i, d in enumerate(self.state):
-            units[f"x[{i}]"] = float(d)
-            for j in range(i, model.n):
-                units[f"P[{i},{j}]"] = float(d * self.state[j] * self.covariance[i])
+        units |= {f"x[{i}]": float(d) for i, d in enumerate(self.state)}
+        units |= {f"P[{i},{i}]": float(unit) for i, unit in enumerate(np.diag(covariances))}
+        of_kind = {
+            Kind.STATE: self.state,
+            Kind.COVARIANCE: covariances,
+            Kind.VARIANCE: np.diag(covariances),
+            Kind.FACTOR: np.divide.outer(self.state, self.state),
+        }
+        for kept in memory:
+            all_of_it = np.broadcast_to(of_kind.get(kept.kind, np.ones(())), kept.shape)
+            units |= {kept.element(place): float(all_of_it[place]) for place in kept.places()}
         return units | {"nis": 1.0}
 
 

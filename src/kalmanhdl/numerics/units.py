@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Graph
@@ -18,14 +18,14 @@ from kalmanhdl.validation import InvalidValueError
 Array = NDArray[np.float64]
 
 
-def units(model: LinearModel, update: Update, specification: FixedSpecification, plots: Plots) -> Scaling:
+def units(model: LinearModel, filter_: Filter, specification: FixedSpecification, plots: Plots) -> Scaling:
     """The scaling a design asks for.
 
     "auto": one unit of a state is the power of two that brings its values over the plots just inside
     the format of states; a measurement of one state shares its unit. The covariance of a component is
     then divided by the variance of its first measurement, so that this measurement has R = 1.
     """
-    graph = trace(model, update)
+    graph = trace(model, filter_)
     ranges, roots = observed(graph, model, plots), dict(graph.states)
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)

@@ -38,7 +38,7 @@ def document(record: Record) -> dict[str, Any]:
         "design": hardware.design.name,
         "schema": SCHEMA,
         "model": _model(record),
-        "algorithm": hardware.design.algorithm,
+        "algorithm": hardware.design.algorithm.kind,
         "operations": needed,
         "operations_monitoring": monitoring,
         "schedule": _schedule(summary),

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.algorithm.step import Belief, Given, Update, step
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.algorithm.filter import Filter, Given, step
+from kalmanhdl.algorithm.memory import Kept, Memory
 from kalmanhdl.simulate.commands import Command
 
 Array = NDArray[np.float64]
@@ -26,29 +26,35 @@ class Estimates:
     nis: Array
 
 
-def reference(model: LinearModel, update: Update, given: NDArray[np.int8], z: Array, u: Array) -> Estimates:
-    """The estimates of an algorithm in double precision.
+def reference(filter_: Filter, given: NDArray[np.int8], z: Array, u: Array) -> Estimates:
+    """The estimates of a filter in double precision.
 
     Shapes: commands ``given`` (steps, tracks), z (steps, tracks, m) with NaN where missed,
     u (steps, tracks, p).
     """
     steps, tracks, m = z.shape
-    n = model.n
-    belief = _spread(np.zeros(n), np.zeros((n, n)), tracks)
+    memory = {kept.name: kept.whole({p: np.zeros(tracks) for p in kept.places()}) for kept in filter_.kept}
+    n = len(filter_.estimate(memory).x)
     x, P = np.full((steps, tracks, n), np.nan), np.full((steps, tracks, n, n), np.nan)
     innovation, nis = np.full((steps, tracks, m), np.nan), np.full((steps, tracks), np.nan)
     for k in range(steps):
         acts = given[k] != Command.NONE
-        outcome = step(model, update, belief, _data(z[k], u[k], given[k]))
-        new_x, new_P = _array(outcome.belief.x, tracks), _array(outcome.belief.P, tracks)
-        old_x, old_P = _array(belief.x, tracks), _array(belief.P, tracks)
-        kept_x = np.where(acts[:, None], new_x, old_x)
-        kept_P = np.where(acts[:, None, None], new_P, old_P)
-        belief = _split(kept_x, kept_P)
-        x[k, acts], P[k, acts] = new_x[acts], new_P[acts]
+        # Tracks that have not started hold zeros, which some algorithms divide by.
+        with np.errstate(all="ignore"):
+            outcome = step(filter_, memory, _data(z[k], u[k], given[k]))
+        memory = _kept(filter_.kept, acts, outcome.memory, memory)
+        x[k, acts] = _array(outcome.belief.x, tracks)[acts]
+        P[k, acts] = _array(outcome.belief.P, tracks)[acts]
         innovation[k, acts] = _array(outcome.innovation, tracks)[acts]
         nis[k, acts] = np.broadcast_to(np.asarray(outcome.nis, float), tracks)[acts]
     return Estimates(x=x, P=P, innovation=innovation, nis=nis)
+
+
+def _kept(kept: tuple[Kept, ...], acts: NDArray[np.bool_], new: Memory, old: Memory) -> Memory:
+    """The new memory of tracks that act, the old one of those that do not."""
+    if acts.all():
+        return new
+    return {each.name: each.chosen(acts, new[each.name], old[each.name]) for each in kept}
 
 
 def _data(z: Array, u: Array, given: NDArray[np.int8]) -> Given:
@@ -68,18 +74,6 @@ def _objects(rows: Array) -> NDArray[Any]:
     for element, column in enumerate(rows.T):
         result[element] = column
     return result
-
-
-def _spread(x: Array, P: Array, tracks: int) -> Belief:
-    return _split(np.broadcast_to(x, (tracks, *x.shape)), np.broadcast_to(P, (tracks, *P.shape)))
-
-
-def _split(x: Array, P: Array) -> Belief:
-    n = x.shape[1]
-    covariance = np.empty((n, n), object)
-    for i, j in np.ndindex(n, n):
-        covariance[i, j] = P[:, i, j]
-    return Belief(_objects(x), covariance)
 
 
 def _array(elements: NDArray[Any], tracks: int) -> Array:

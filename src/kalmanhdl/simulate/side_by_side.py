@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.algorithm.step import Update
+from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Input
 from kalmanhdl.model.state_space import LinearModel
@@ -50,7 +50,7 @@ class Simulation:
         return sum(self.trace.violations.values())
 
 
-def simulate(model: LinearModel, update: Update, numbers: Numbers, plots: Plots) -> Simulation:
+def simulate(model: LinearModel, filter_: Filter, numbers: Numbers, plots: Plots) -> Simulation:
     """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
     stimulus = stimulus_of(model, numbers.typed, plots)
     given = stimulus.commands
@@ -60,8 +60,8 @@ def simulate(model: LinearModel, update: Update, numbers: Numbers, plots: Plots)
         plots=plots,
         stimulus=stimulus,
         valid=valid,
-        reference=_only(reference(model, update, given, plots.z, plots.u), valid),
-        exact=_only(_estimates(model, numbers.typed, trace), valid),
+        reference=_only(reference(filter_, given, plots.z, plots.u), valid),
+        exact=_only(_estimates(model, filter_, numbers.typed, trace), valid),
         trace=trace,
     )
 
@@ -110,7 +110,7 @@ def real(raws: Integers, form: Fixed, scale: float) -> Array:
     return np.ldexp(np.asarray(raws, np.float64), -form.fraction) * scale
 
 
-def _estimates(model: LinearModel, typed: TypedGraph, trace: Trace) -> Estimates:
+def _estimates(model: LinearModel, filter_: Filter, typed: TypedGraph, trace: Trace) -> Estimates:
     roots = {**dict(typed.graph.states), **dict(typed.graph.outputs)}
 
     def values(name: str, raws: Integers) -> Array:
@@ -118,13 +118,10 @@ def _estimates(model: LinearModel, typed: TypedGraph, trace: Trace) -> Estimates
         assert form is not None
         return real(raws, form, typed.scales[name])
 
-    shape = trace.outputs["nis"].shape
-    P = np.zeros((*shape, model.n, model.n))
-    for i, j in zip(*np.triu_indices(model.n), strict=True):
-        name = f"P[{i},{j}]"
-        found = trace.states.get(name, trace.outputs.get(name))
-        if found is not None:
-            P[..., i, j] = P[..., j, i] = values(name, found)
+    names = {kept.element(place) for kept in filter_.kept for place in kept.places()} & trace.states.keys()
+    P = _covariance(filter_, {name: values(name, trace.states[name]) for name in names})
+    for i in range(model.n):
+        P[..., i, i] = values(f"P[{i},{i}]", trace.outputs[f"P[{i},{i}]"])
     x = [values(f"x[{i}]", trace.outputs[f"x[{i}]"]) for i in range(model.n)]
     y = [values(f"innovation[{j}]", trace.outputs[f"innovation[{j}]"]) for j in range(model.m)]
     return Estimates(
@@ -133,6 +130,23 @@ def _estimates(model: LinearModel, typed: TypedGraph, trace: Trace) -> Estimates
         innovation=np.stack(y, axis=-1),
         nis=values("nis", trace.outputs["nis"]),
     )
+
+
+def _covariance(filter_: Filter, states: dict[str, Array]) -> Array:
+    """The covariance that follows from what a filter kept. Shape (steps, tracks, n, n)."""
+    shape = next(iter(states.values())).shape
+    memory = {
+        kept.name: kept.whole(
+            {place: states.get(kept.element(place), np.zeros(shape)) for place in kept.places()}
+        )
+        for kept in filter_.kept
+    }
+    with np.errstate(all="ignore"):
+        elements = filter_.estimate(memory).P
+    P = np.zeros((*shape, *elements.shape))
+    for place in np.ndindex(*elements.shape):
+        P[(..., *place)] = elements[place]
+    return P
 
 
 def _only(estimates: Estimates, valid: NDArray[np.bool_]) -> Estimates:
