@@ -18,6 +18,7 @@ LINE = (
         "validation",
         "arithmetic",
         "graph",
+        "math",
         "model",
         "algorithm",
         "numerics",

@@ -5,11 +5,14 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+from kalmanhdl.graph.functions import value_of
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
+    Function,
     Graph,
     Multiply,
     Not,
@@ -19,6 +22,7 @@ from kalmanhdl.graph.operations import (
     Select,
     Shift,
     Subtract,
+    Unary,
     operands,
 )
 
@@ -181,6 +185,20 @@ class Builder:
         x = self.value(a)
         return self.intern(Reciprocal(a)) if x is None else self._fold(_ONE / x)
 
+    def unary(self, function: Function, a: int) -> int:
+        """A function of a."""
+        x = self.value(a)
+        if x is not None:
+            return self.constant(float(value_of(function, float(x))))
+        return self.intern(Unary(function, a))
+
+    def binary(self, function: Function, a: int, b: int) -> int:
+        """A function of a and b."""
+        x, y = self.value(a), self.value(b)
+        if x is not None and y is not None:
+            return self.constant(float(value_of(function, float(x), float(y))))
+        return self.intern(Binary(function, a, b))
+
     def select(self, flag: int, a: int, b: int) -> int:
         """a where the flag holds, else b."""
         chosen, otherwise = self.operations[a], self.operations[b]
@@ -217,6 +235,10 @@ class Builder:
                 return self.divide(*ins)
             case Reciprocal():
                 return self.reciprocal(*ins)
+            case Unary(function=function):
+                return self.unary(function, *ins)
+            case Binary(function=function):
+                return self.binary(function, *ins)
             case Select():
                 return self.select(*ins)
             case Shift(exponent=exponent):

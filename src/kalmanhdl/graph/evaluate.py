@@ -5,15 +5,18 @@ from typing import Any, assert_never
 
 import numpy as np
 
+from kalmanhdl.graph.functions import value_of
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
     Flag,
     Graph,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -25,6 +28,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Unary,
 )
 
 
@@ -58,12 +62,18 @@ def _value(operation: Operation, v: list[Any], leaves: Mapping[str, Any]) -> Any
             return v[a] / v[b]
         case Reciprocal(a):
             return 1.0 / v[a]
+        case Unary(function, a):
+            return value_of(function, v[a])
+        case Binary(function, a, b):
+            return value_of(function, v[a], v[b])
         case Select(flag, a, b):
             return np.where(v[flag], v[a], v[b])
         case Quantise(a):
             return v[a]
         case Outside():
             return False
+        case Negative(a):
+            return np.less(v[a], 0)
         case And(a, b):
             return np.logical_and(v[a], v[b])
         case Or(a, b):

@@ -6,6 +6,7 @@ are known (numbers are reals) and after (numbers are raw integers; see ``numeric
 """
 
 from dataclasses import dataclass, fields
+from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 
@@ -94,6 +95,37 @@ class Reciprocal:
     a: int
 
 
+class Function(Enum):
+    """Functions that are no arithmetic; angles are in turns, so that a full turn is one."""
+
+    SINE = "sine"
+    COSINE = "cosine"
+    SQUARE_ROOT = "square_root"
+    EXPONENTIAL = "exponential"
+    WRAP = "wrap"
+    """a less the nearest integer: an angle brought into half a turn to either side."""
+    ARCTANGENT = "arctangent"
+    """The angle of the point (b, a), from -1/2 to 1/2: a is its height, b its distance to the right."""
+    HYPOTENUSE = "hypotenuse"
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """A function of one number. Exact as a real; typed graphs hold what it is computed by."""
+
+    function: Function
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """A function of two numbers. Exact as a real; typed graphs hold what it is computed by."""
+
+    function: Function
+    a: int
+    b: int
+
+
 @dataclass(frozen=True, slots=True)
 class Select:
     """a where the flag holds, else b."""
@@ -123,6 +155,13 @@ class Outside:
 
 
 @dataclass(frozen=True, slots=True)
+class Negative:
+    """A flag: a < 0."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
 class And:
     """Both flags hold."""
 
@@ -146,13 +185,25 @@ class Not:
 
 
 Number = (
-    Input | State | Constant | Add | Subtract | Multiply | Shift | Divide | Reciprocal | Select | Quantise
+    Input
+    | State
+    | Constant
+    | Add
+    | Subtract
+    | Multiply
+    | Shift
+    | Divide
+    | Reciprocal
+    | Unary
+    | Binary
+    | Select
+    | Quantise
 )
-Boolean = Flag | StateFlag | Outside | And | Or | Not
+Boolean = Flag | StateFlag | Outside | Negative | And | Or | Not
 Operation = Number | Boolean
 
 _OPERANDS = ("flag", "a", "b")
-_FLAGS = (Flag, StateFlag, Outside, And, Or, Not)
+_FLAGS = (Flag, StateFlag, Outside, Negative, And, Or, Not)
 
 
 def operands(operation: Operation) -> tuple[int, ...]:
