@@ -21,7 +21,7 @@ from typing import Any, get_args
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import DesignError, FormatError
-from kalmanhdl.graph.operations import Boolean, Graph, Number, Operation, operands
+from kalmanhdl.graph.operations import Boolean, Function, Graph, Number, Operation, operands
 
 _FORMAT = r"u?fixed\(\d+, fraction=-?\d+\)"
 _NAME = r'[A-Za-z_][^\s"#:=]*|"(?:[^"\\]|\\.)*"'
@@ -201,6 +201,7 @@ _FIELDS = {
     "name": _Field(_NAME, "x[0]", print_name, parse_name),
     "value": _Field(r"[-+.\w/]+", "0.5", _print_constant, _parse_constant),
     "exponent": _Field(r"-?\d+", "-3", str, int),
+    "function": _Field(r"\w+", "sine", lambda function: function.value, Function),
     "form": _Field(_FORMAT, "fixed(16, fraction=8)", str, parse_format),
     "rounding": _Field(r"\w+", "half_up", lambda rounding: rounding.value, Rounding),
     "overflow": _Field(r"\w+", "saturate", lambda overflow: overflow.value, Overflow),

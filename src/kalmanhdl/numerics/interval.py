@@ -7,6 +7,7 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, divide
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded
 from kalmanhdl.graph.operations import (
     Add,
+    Binary,
     Constant,
     Divide,
     Input,
@@ -18,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Shift,
     State,
     Subtract,
+    Unary,
 )
 from kalmanhdl.numerics.typed import Interval
 
@@ -55,6 +57,8 @@ def type_of(operation: Number, types: list[Typed | None], given: Fixed | None) -
         case Divide() | Reciprocal():
             assert given is not None
             return given, of_format(given)
+        case Unary() | Binary():
+            raise AssertionError(f"{operation} in a graph of integers")
         case _:
             assert_never(operation)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from amaranth.hdl import Mux, Value
+from amaranth.hdl import Const, Mux, Value
 
 from kalmanhdl.arithmetic.fixed import Fixed
 
@@ -32,3 +32,8 @@ def subtract(a: Number, b: Number, fraction: int) -> Value:
 def select(flag: Value, a: Number, b: Number, fraction: int) -> Value:
     """a where the flag holds, else b, with so many fraction bits."""
     return Mux(flag, a.at_fraction(fraction), b.at_fraction(fraction))
+
+
+def negative(a: Number) -> Value:
+    """Whether a < 0."""
+    return a.raw[-1] if a.form.signed else Const(0, 1)

@@ -9,11 +9,13 @@ from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
     Flag,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -25,6 +27,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Unary,
 )
 from kalmanhdl.rtl import exact
 from kalmanhdl.rtl.exact import Number
@@ -72,6 +75,8 @@ class Values:
                 return Timeline(self._m, name, self._states[signal], start)
             case Multiply():
                 return self._named(index, self._product(index, operation), self._plan.end(index))
+            case Unary() | Binary():
+                raise AssertionError(f"{operation} in a graph of integers")
             case Divide() | Reciprocal():
                 return self._named(index, self._quotient(index, operation), self._plan.end(index))
             case _:
@@ -79,7 +84,9 @@ class Values:
                 return self._named(index, self._logic(index, operation), start)
 
     def _logic(
-        self, index: int, operation: Add | Subtract | Shift | Select | Quantise | Outside | And | Or | Not
+        self,
+        index: int,
+        operation: Add | Subtract | Shift | Select | Quantise | Outside | Negative | And | Or | Not,
     ) -> Value:
         start = self._plan.start[index]
         match operation:
@@ -98,6 +105,8 @@ class Values:
                 return self._quantised(index, a, form, rounding, overflow)[0]
             case Outside(a, form, rounding):
                 return self._quantised(index, a, form, rounding, Overflow.WRAP)[1]
+            case Negative(a):
+                return exact.negative(self._number(a, start))
             case And(a, b):
                 return self.at(a, start) & self.at(b, start)
             case Or(a, b):

@@ -24,11 +24,13 @@ from kalmanhdl.arithmetic.product_structure import booth_terms, limb_widths, rec
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
     Flag,
     Input,
     Multiply,
+    Negative,
     Not,
     Or,
     Outside,
@@ -39,6 +41,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Unary,
 )
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.target.device import Device
@@ -116,7 +119,7 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
     match operation:
         case Input() | Flag() | State() | StateFlag() | Constant():
             return Operator(kind=_kind(operation), pieces=(0,))
-        case Shift() | Not():
+        case Shift() | Not() | Negative():
             return Operator(kind=_kind(operation), pieces=(0,))
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
@@ -135,6 +138,8 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
             return _long_division("divide", typed, index, b, device)
         case Reciprocal(a):
             return _reciprocal(typed, index, a, device, on_block)
+        case Unary() | Binary():
+            raise AssertionError(f"{operation} in a graph of integers")
         case _:
             assert_never(operation)
 

@@ -12,11 +12,13 @@ from kalmanhdl.arithmetic.fixed import Fixed, outside, quantise, rounded
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
     Flag,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -28,6 +30,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Unary,
 )
 from kalmanhdl.numerics.typed import TypedGraph
 
@@ -109,12 +112,16 @@ def _evaluate(
         case Outside(a, form, rounding):
             dropped = _form(typed, a).fraction - form.fraction
             return outside(rounded(values[a], dropped, rounding), form), False
+        case Negative(a):
+            return values[a] < 0, False
         case And(a, b):
             return values[a] & values[b], False
         case Or(a, b):
             return values[a] | values[b], False
         case Not(a):
             return 1 - values[a], False
+        case Unary() | Binary():
+            raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
             assert_never(never)
 

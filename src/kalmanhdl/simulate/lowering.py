@@ -11,10 +11,12 @@ from kalmanhdl.arithmetic.fixed import Fixed, Overflow, outside, rounded, satura
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Binary,
     Constant,
     Divide,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -26,6 +28,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Unary,
 )
 from kalmanhdl.graph.operations import Flag as FlagInput
 from kalmanhdl.numerics.typed import TypedGraph
@@ -108,12 +111,16 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
         case Outside(a, form, rounding):
             raw = rounded(number(a), lowering.form(a).fraction - form.fraction, rounding)
             return _outside(raw, form)
+        case Negative(a):
+            return number(a) < 0
         case And(a, b):
             return flag(a) & flag(b)
         case Or(a, b):
             return flag(a) | flag(b)
         case Not(a):
             return flag(a).negated()
+        case Unary() | Binary():
+            raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
             assert_never(never)
 
