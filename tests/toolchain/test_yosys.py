@@ -15,7 +15,18 @@ module \top
   attribute \keep 1
   attribute \src "/home/somebody/design.py:8"
   wire width 8 output 2 \state
-  wire width 8 \innovation
+  wire width 8 \second_name
+  wire width 8 \read_by_nobody
+  attribute \keep 1
+  wire width 8 \watched
+  connect \second_name \a
+  cell $not $3
+    parameter \A_SIGNED 0
+    parameter \A_WIDTH 8
+    parameter \Y_WIDTH 8
+    connect \A \a
+    connect \Y \read_by_nobody
+  end
   cell $add $1
     parameter \A_SIGNED 0
     parameter \A_WIDTH 8
@@ -24,13 +35,13 @@ module \top
     parameter \Y_WIDTH 8
     connect \A \a
     connect \B \state
-    connect \Y \innovation
+    connect \Y \watched
   end
   cell $dff $2
     parameter \CLK_POLARITY 1
     parameter \WIDTH 8
     connect \CLK \clk
-    connect \D \innovation
+    connect \D \watched
     connect \Q \state
   end
 end
@@ -44,7 +55,7 @@ def verilog() -> str:
 
 def test_verilog_begins_with_the_header_and_keeps_names_and_initial_values(verilog):
     assert verilog.startswith("// made by a test\n//\n// for a reader\n")
-    assert re.search(r"assign innovation = a \+ state;", verilog)
+    assert re.search(r"assign watched = a \+ state;", verilog)
     assert re.search(r"reg \[7:0\] state = 8'h05;", verilog)
 
 
@@ -54,6 +65,12 @@ def test_verilog_tells_nothing_of_tools_paths_and_times(verilog):
 
 def test_attributes_that_steer_synthesis_stay(verilog):
     assert "(* keep" in verilog
+
+
+def test_what_nobody_reads_and_second_names_are_left_out_but_kept_wires_stay(verilog):
+    assert "read_by_nobody" not in verilog
+    assert "second_name" not in verilog
+    assert re.search(r"\(\* keep = .*\*\)\n +wire \[7:0\] watched;", verilog)
 
 
 def test_the_same_rtlil_gives_the_same_text(verilog, own_cache):
