@@ -38,16 +38,14 @@ def allocated(program: Program, arrays: Arrays, record_states: bool) -> Results:
 
 
 def empty(port: Port, shape: tuple[int, ...]) -> Integers:
-    if not port.limbs:
-        return np.empty(shape, np.uint8)
-    return np.empty(shape, np.int64) if port.limbs == 1 else np.empty((*shape, port.limbs), np.uint64)
+    return np.empty((*shape, port.limbs) if port.limbs else shape, port.row)
 
 
 def whole(port: Port, array: Integers) -> Integers:
     """An array of the C as the caller sees it."""
-    if not port.limbs:
+    if port.flag:
         return array.view(np.bool_)
-    return array if port.limbs == 1 else from_limbs(array)
+    return from_limbs(array) if port.limbs else array
 
 
 def checked(
@@ -82,7 +80,7 @@ def _start(port: Port, initial: Named, tracks: int) -> Integers:
     given = np.asarray(initial.get(port.name, np.zeros(tracks, np.int64)))
     if given.shape != (tracks,):
         raise DataError(f"{port.name}: initial state of shape {given.shape}, but there are {tracks} tracks")
-    if not port.limbs:
+    if port.flag:
         return given.astype(np.bool_).view(np.uint8)
     return _raw(port, given, None).copy()
 
@@ -99,6 +97,6 @@ def _raw(port: Port, array: Integers, active: NDArray[np.uint8] | None) -> Integ
         raise FormatError(
             f"{port.name}, {where}: raw {array[place]} is outside of its format, {port.low} to {port.high}"
         )
-    if port.limbs > 1:
+    if port.limbs:
         return to_limbs(array, port.limbs)
-    return np.ascontiguousarray(array, np.int64)
+    return np.ascontiguousarray(array, port.row)

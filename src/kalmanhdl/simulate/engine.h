@@ -1,51 +1,171 @@
-/* What every generated program uses beside wide integers. */
+/* What every generated program is made of: integers of LANES tracks at once.
+
+   i32, i64, i128 and iwide hold one integer of 32, 64, 128 bits or of any length for each track. A flag is an
+   i32, -1 where it is true, else 0. The first two are vectors of the compiler, for which it has operators;
+   plain loops over their lanes, inlined, become single instructions. The others are computed lane by lane. */
 
 #ifndef KALMANHDL_ENGINE_H
 #define KALMANHDL_ENGINE_H
 
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
-static inline double clamp(double value, double low, double high)
-{
-    value = value < low ? low : value;
-    return value > high ? high : value;
-}
+#define INLINE static inline __attribute__((always_inline, unused))
+/* Written out at every use, operations of long integers would take minutes to compile. */
+#define CALL static __attribute__((noinline, unused))
+#define EACH for (int k = 0; k < LANES; k++)
 
-/* Floors, for divisors above zero. */
-static inline int64_t floor_divide_64(int64_t a, int64_t b) { return a / b - (a % b < 0); }
-static inline __int128 floor_divide_128(__int128 a, __int128 b) { return a / b - (a % b < 0); }
+typedef int32_t i32 __attribute__((vector_size(4 * LANES)));
+typedef int64_t i64 __attribute__((vector_size(8 * LANES)));
+typedef double reals __attribute__((vector_size(8 * LANES)));
+typedef struct { __int128 lane[LANES]; } i128;
+typedef struct { wide lane[LANES]; } iwide;
 
-/* The number of bits of a value above zero. */
-/* By the exponent of a float, which compilers vectorise; clearing the second bit keeps it from rounding up. */
-static inline int32_t bit_length_32(int32_t a)
-{
-    union { float number; int32_t bits; } as = {.number = (float)(a & ~(a >> 1))};
-    return (as.bits >> 23) - 126;
-}
-static inline int64_t bit_length_64(int64_t a) { return 64 - __builtin_clzll((uint64_t)a); }
-static inline int64_t bit_length_128(__int128 a)
-{
-    return a >> 64 ? 64 + bit_length_64((int64_t)(a >> 64)) : bit_length_64((int64_t)a);
-}
+/* Integers of one type as another that holds them. */
+INLINE i64 i64_of_i32(i32 a) { return __builtin_convertvector(a, i64); }
+INLINE i32 i32_of_i64(i64 a) { return __builtin_convertvector(a, i32); }
+CALL i128 i128_of_i64(i64 a) { i128 r; EACH r.lane[k] = a[k]; return r; }
+CALL i64 i64_of_i128(i128 a) { i64 r; EACH r[k] = (int64_t)a.lane[k]; return r; }
+CALL iwide iwide_of_i128(i128 a) { iwide r; EACH r.lane[k] = wide_of(a.lane[k]); return r; }
+CALL i128 i128_of_iwide(iwide a) { i128 r; EACH r.lane[k] = wide_low(a.lane[k]); return r; }
 
-/* A row of a caller's array, from element `at` on, into a block and back; calls keep programs short. */
-#define BLOCK_COPY(load, store, block, array)                                                            \
-    __attribute__((noinline, unused))                                                                    \
-    static void load(block *restrict to, const void *from, int64_t at, int64_t n)                        \
+/* `shift` is by a count for each lane. */
+#define OF_VECTORS(type, element) \
+    INLINE type all_##type(element a) { return a - (type){0}; }                                          \
+    INLINE type add_##type(type a, type b) { return a + b; }                                             \
+    INLINE type subtract_##type(type a, type b) { return a - b; }                                        \
+    INLINE type multiply_##type(type a, type b) { return a * b; }                                        \
+    INLINE type and_##type(type a, type b) { return a & b; }                                             \
+    INLINE type xor_##type(type a, type b) { return a ^ b; }                                             \
+    INLINE type left_##type(type a, int count) { return a << count; }                                    \
+    INLINE type right_##type(type a, int count) { return a >> count; }                                   \
+    INLINE type shift_##type(type a, i32 count) { return a << __builtin_convertvector(count, type); }    \
+    INLINE i32 less_##type(type a, type b) { i32 r; EACH r[k] = -(a[k] < b[k]); return r; }              \
+    INLINE i32 equal_##type(type a, type b) { i32 r; EACH r[k] = -(a[k] == b[k]); return r; }            \
+    INLINE type minimum_##type(type a, type b) { EACH a[k] = a[k] < b[k] ? a[k] : b[k]; return a; }      \
+    INLINE type maximum_##type(type a, type b) { EACH a[k] = a[k] > b[k] ? a[k] : b[k]; return a; }      \
+    INLINE type select_##type(i32 flag, type a, type b)                                                  \
     {                                                                                                    \
-        const array *restrict row = (const array *)from + at;                                            \
-        _Pragma("omp simd") for (int64_t t = 0; t < n; t++) to[t] = (block)row[t];                       \
-    }                                                                                                    \
-    __attribute__((noinline, unused))                                                                    \
-    static void store(const block *restrict from, void *to, int64_t at, int64_t n)                       \
+        type mask = __builtin_convertvector(flag, type);                                                 \
+        return (a & mask) | (b & ~mask);                                                                 \
+    }
+OF_VECTORS(i32, int32_t)
+OF_VECTORS(i64, int64_t)
+
+#define OF_LONGS(type, one)                                                                              \
+    CALL type all_##type(one a) { type r; EACH r.lane[k] = a; return r; }                                \
+    LANEWISE(type, type, add, type b, .lane, one##_add(x, b.lane[k]))                                    \
+    LANEWISE(type, type, subtract, type b, .lane, one##_subtract(x, b.lane[k]))                          \
+    LANEWISE(type, type, multiply, type b, .lane, one##_multiply(x, b.lane[k]))                          \
+    LANEWISE(type, type, divide, type b, .lane, one##_divide(x, b.lane[k]))                              \
+    LANEWISE(type, type, and, type b, .lane, one##_and(x, b.lane[k]))                                    \
+    LANEWISE(type, type, xor, type b, .lane, one##_xor(x, b.lane[k]))                                    \
+    LANEWISE(type, type, left, int count, .lane, one##_left(x, count))                                   \
+    LANEWISE(type, type, right, int count, .lane, one##_right(x, count))                                 \
+    LANEWISE(type, type, shift, i32 count, .lane, one##_left(x, count[k]))                               \
+    LANEWISE(type, i32, less, type b, , -one##_less(x, b.lane[k]))                                       \
+    LANEWISE(type, i32, equal, type b, , -one##_equal(x, b.lane[k]))                                     \
+    LANEWISE(type, type, minimum, type b, .lane, one##_less(x, b.lane[k]) ? x : b.lane[k])               \
+    LANEWISE(type, type, maximum, type b, .lane, one##_less(x, b.lane[k]) ? b.lane[k] : x)               \
+    CALL type select_##type(i32 flag, type a, type b) { EACH if (!flag[k]) a.lane[k] = b.lane[k]; return a; } \
+    CALL i32 length_##type(type a) { i32 r; EACH r[k] = one##_length(a.lane[k]); return r; }
+#define LANEWISE(type, result, name, other, part, expression)                                            \
+    CALL result name##_##type(type a, other)                                                             \
     {                                                                                                    \
-        array *restrict row = (array *)to + at;                                                          \
-        _Pragma("omp simd") for (int64_t t = 0; t < n; t++) row[t] = (array)from[t];                     \
+        result r;                                                                                        \
+        EACH { __auto_type x = a.lane[k]; r part[k] = expression; }                                      \
+        return r;                                                                                        \
     }
 
-BLOCK_COPY(load_flags, store_flags, int32_t, uint8_t)
-BLOCK_COPY(load_32, store_32, int32_t, int64_t)
-BLOCK_COPY(load_64, store_64, int64_t, int64_t)
+typedef __int128 int128;
+INLINE int128 int128_add(int128 a, int128 b) { return a + b; }
+INLINE int128 int128_subtract(int128 a, int128 b) { return a - b; }
+INLINE int128 int128_multiply(int128 a, int128 b) { return a * b; }
+INLINE int128 int128_divide(int128 a, int128 b) { return a / b - (a % b < 0); }
+INLINE int128 int128_and(int128 a, int128 b) { return a & b; }
+INLINE int128 int128_xor(int128 a, int128 b) { return a ^ b; }
+INLINE int128 int128_left(int128 a, int count) { return a << count; }
+INLINE int128 int128_right(int128 a, int count) { return a >> count; }
+INLINE int32_t int128_less(int128 a, int128 b) { return a < b; }
+INLINE int32_t int128_equal(int128 a, int128 b) { return a == b; }
+INLINE int32_t int128_length(int128 a)
+{
+    return a >> 64 ? 128 - __builtin_clzll((uint64_t)(a >> 64)) : 64 - __builtin_clzll((uint64_t)a);
+}
+OF_LONGS(i128, int128)
+OF_LONGS(iwide, wide)
+
+/* The number of bits of values above zero. */
+INLINE i32 length_i32(i32 a) { EACH a[k] = 32 - __builtin_clz((uint32_t)a[k]); return a; }
+INLINE i32 length_i64(i64 a) { i32 r; EACH r[k] = 64 - __builtin_clzll((uint64_t)a[k]); return r; }
+
+/* Floors of quotients, for divisors above zero; the second of integers below 2**52, clamped. */
+CALL i64 divide_i64(i64 a, i64 b) { EACH a[k] = a[k] / b[k] - (a[k] % b[k] < 0); return a; }
+INLINE i64 divide_short(i64 a, i64 b, double low, double high)
+{
+    reals exact = __builtin_convertvector(a, reals) / __builtin_convertvector(b, reals);
+    EACH exact[k] = exact[k] < low ? low : exact[k];
+    EACH exact[k] = exact[k] > high ? high : exact[k];
+    i64 quotient = __builtin_convertvector(exact, i64);
+    reals whole = __builtin_convertvector(quotient, reals);
+    EACH quotient[k] -= exact[k] < whole[k];
+    return quotient;
+}
+
+INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[index[k]]; return index; }
+
+/* Rows of a caller's array, from element `at` on; of the last group of a row only the first `n` tracks. */
+#define ROWS(name, element, type)                                                                        \
+    typedef element vector_##name __attribute__((vector_size(sizeof(element) * LANES), aligned(1)));     \
+    CALL type load_part_##name(const element *from, int64_t n)                                           \
+    {                                                                                                    \
+        type r = {0};                                                                                    \
+        for (int64_t k = 0; k < n; k++) r[k] = from[k];                                                  \
+        return r;                                                                                        \
+    }                                                                                                    \
+    CALL void store_part_##name(element *to, int64_t n, type a)                                          \
+    {                                                                                                    \
+        for (int64_t k = 0; k < n; k++) to[k] = (element)a[k];                                           \
+    }                                                                                                    \
+    INLINE type load_##name(const void *from, int64_t at, int64_t n)                                     \
+    {                                                                                                    \
+        const element *row = (const element *)from + at;                                                 \
+        return n < LANES ? load_part_##name(row, n)                                                      \
+                         : __builtin_convertvector(*(const vector_##name *)row, type);                   \
+    }                                                                                                    \
+    INLINE void store_##name(void *to, int64_t at, int64_t n, type a)                                    \
+    {                                                                                                    \
+        element *row = (element *)to + at;                                                               \
+        if (n < LANES)                                                                                   \
+            store_part_##name(row, n, a);                                                                \
+        else                                                                                             \
+            *(vector_##name *)row = __builtin_convertvector(a, vector_##name);                           \
+    }
+ROWS(uint8, uint8_t, i32)
+ROWS(int16, int16_t, i32)
+ROWS(uint16, uint16_t, i32)
+ROWS(int32, int32_t, i32)
+ROWS(uint32, uint32_t, i64)
+ROWS(int64, int64_t, i64)
+
+CALL iwide load_limbs(const void *from, int64_t at, int64_t n, int limbs)
+{
+    iwide r;
+    EACH r.lane[k] = k < n ? wide_load((const uint64_t *)from + (at + k) * limbs, limbs) : wide_of(0);
+    return r;
+}
+
+CALL void store_limbs(void *to, int64_t at, int64_t n, int limbs, iwide a)
+{
+    for (int64_t k = 0; k < n; k++) wide_store((uint64_t *)to + (at + k) * limbs, limbs, a.lane[k]);
+}
+
+/* The first n lanes. */
+INLINE i32 first_lanes(int64_t n) { i32 r; EACH r[k] = -(k < n); return r; }
+
+INLINE int32_t any(i32 flag) { int32_t r = 0; EACH r |= flag[k]; return r; }
+
+INLINE int64_t count(i32 flag) { int64_t r = 0; EACH r -= flag[k]; return r; }
 
 #endif

@@ -18,13 +18,14 @@ from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.simulate.arrays import Arrays, Named, Results, allocated, checked, empty, whole
 from kalmanhdl.simulate.compiler import find_compiler, shared_library
 from kalmanhdl.simulate.fallback import run_interpreted
-from kalmanhdl.simulate.generate_c import Program, generate
+from kalmanhdl.simulate.generate_c import LANES, Program, generate
 from kalmanhdl.simulate.limbs import Integers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """The raw integers of a run. Numbers are int64, or Python integers beyond 64 bits; flags are bool.
+    """The raw integers of a run, in arrays of NumPy's narrowest integers that hold them all, of 16 bits or
+    more, or of Python's beyond 64 bits; flags are bool.
 
     ``outputs[name]`` and ``states[name]`` have shape (steps, tracks), the states as they are after each
     step (empty if not recorded); ``final_state[name]`` has shape (tracks,). ``saturations[k]`` counts how
@@ -127,7 +128,7 @@ def _run_compiled(
     program: Program, library: Path, arrays: Arrays, results: Results, monitor: bool
 ) -> tuple[list[int], dict[int, Interval]]:
     counts = np.zeros(len(program.counted) + len(program.violations), np.int64)
-    bounds = [empty(port, (1,)) for port in program.watched for _ in range(2)]
+    lows, highs = ([empty(port, (LANES,)) for port in program.watched] for _ in range(2))
     function: Callable[..., int] = getattr(_loaded(library), f"{program.name}_run")
     seen = function(
         ctypes.c_int64(arrays.steps),
@@ -139,14 +140,14 @@ def _run_compiled(
         _pointers(results.outputs),
         _pointers(results.records) if results.records else None,
         ctypes.c_void_p(counts.ctypes.data),
-        _pointers(bounds),
+        _pointers([*lows, *highs]),
         ctypes.c_int32(monitor),
     )
     if seen < 0:
         raise MemoryError
-    extremes = {}
-    if seen:
-        for k, port in enumerate(program.watched):
-            low, high = (int(whole(port, a)[0]) for a in bounds[2 * k : 2 * k + 2])
-            extremes[port.index] = Interval(low=low, high=high)
+    extremes = {
+        port.index: Interval(low=int(whole(port, low).min()), high=int(whole(port, high).max()))
+        for port, low, high in zip(program.watched, lows, highs, strict=True)
+        if seen
+    }
     return [int(n) for n in counts], extremes

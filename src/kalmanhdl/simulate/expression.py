@@ -1,12 +1,14 @@
 """Integers of the generated C, with overloaded operators and exact bounds.
 
-Every operation on a ``Value`` writes one C statement and returns a new value that knows the least and
-the greatest integer it can be. The C type follows from these bounds, so that nothing can overflow, for
-any word length. ``arithmetic.fixed`` called on such values writes its own definition as C.
+Every operation on a ``Value`` writes one C statement, a call of ``engine.h`` on many tracks at once, and
+returns a new value that knows the least and the greatest integer it can be. The C type follows from these
+bounds, so that nothing can overflow, for any word length. ``arithmetic.fixed`` called on such values writes
+its own definition as C.
 """
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import pairwise
 
 
 class Kind(IntEnum):
@@ -19,16 +21,11 @@ class Kind(IntEnum):
 
     @property
     def c_type(self) -> str:
-        """How C spells the type."""
-        return _C_TYPES[self]
+        """The type of ``engine.h`` that holds one such integer for each track of a group."""
+        return "iwide" if self is Kind.WIDE else f"i{self.value}"
 
 
-_C_TYPES = {
-    Kind.INT32: "int32_t",
-    Kind.INT64: "int64_t",
-    Kind.INT128: "__int128",
-    Kind.WIDE: "wide",
-}
+FLAG = Kind.INT32.c_type
 
 
 def signed_bits(low: int, high: int) -> int:
@@ -61,16 +58,13 @@ class Writer:
     minimum_bits: int = 0
     widest: int = 0
     statements: list[Statement] = field(default_factory=list)
-    kinds: set[Kind] = field(default_factory=set)
     _names: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def kind(self, low: int, high: int) -> Kind:
         """The narrowest type that holds both integers, at least ``minimum_bits`` wide."""
         bits = max(signed_bits(low, high), self.minimum_bits)
         self.widest = max(self.widest, bits)
-        kind = next(kind for kind in Kind if bits <= kind)
-        self.kinds.add(kind)
-        return kind
+        return next(kind for kind in Kind if bits <= kind)
 
     def bind(self, c_type: str, expression: str) -> str:
         """The name of a variable that holds an expression; equal expressions share one."""
@@ -92,34 +86,35 @@ class Writer:
         return Value(self, None, number, number)
 
     def flag(self, expression: str) -> "Flag":
-        """A flag of an expression that is 0 or 1."""
-        return Flag(self, self.bind("int32_t", expression), None)
+        """A flag of an expression that is 0 or -1."""
+        return Flag(self, self.bind(FLAG, expression), None)
 
 
 def cast(text: str, kind: Kind, to: Kind) -> str:
     """An expression of one type as another; the number must fit both."""
-    if kind is to:
-        return text
-    if kind is Kind.WIDE:
-        return f"({to.c_type})wide_low({text})"
-    return f"wide_of({text})" if to is Kind.WIDE else f"({to.c_type})({text})"
+    path = [k for k in Kind if min(kind, to) <= k <= max(kind, to)]
+    for one, another in pairwise(path if kind < to else path[::-1]):
+        text = f"{another.c_type}_of_{one.c_type}({text})"
+    return text
 
 
 def literal_text(number: int, kind: Kind) -> str:
     """A constant as C."""
-    if kind is Kind.INT32 or (kind is Kind.INT64 and abs(number) < 1 << 62):
-        return f"({kind.c_type}){number}{'' if kind is Kind.INT32 and abs(number) < 1 << 31 else 'LL'}"
-    if kind is Kind.INT64:
-        return f"(int64_t){number & (1 << 64) - 1:#x}ULL"
-    if kind is Kind.INT128:
-        halves = (f"{number >> shift & (1 << 64) - 1:#x}ULL" for shift in (64, 0))
-        return "(__int128)((unsigned __int128){} << 64 | {})".format(*halves)
-    if -(1 << 127) <= number < 1 << 127:
-        return f"wide_of({literal_text(number, Kind.INT128)})"
-    limbs = [number >> shift & (1 << 64) - 1 for shift in range(0, signed_bits(number, number), 64)]
+    return f"all_{kind.c_type}({_element(number, kind)})"
+
+
+def _element(number: int, kind: Kind) -> str:
+    shifts = range(0, signed_bits(number, number), 64)
+    words = [f"{number >> shift & (1 << 64) - 1:#x}ULL" for shift in shifts]
+    if kind <= Kind.INT64:
+        return f"(int{kind.value}_t){words[0]}"
+    if len(words) <= 2:
+        high = words[1] if len(words) == 2 else f"{-1 if number < 0 else 0}"
+        text = f"(__int128)((unsigned __int128){high} << 64 | {words[0]})"
+        return f"wide_of({text})" if kind is Kind.WIDE else text
     if number < 0:  # Limbs left out of an initialiser would be zero, not the sign.
-        return f"wide_negate({literal_text(-number, Kind.WIDE)})"
-    return "(wide){{" + ", ".join(f"{limb:#x}ULL" for limb in limbs) + "}}"
+        return f"wide_negate({_element(-number, kind)})"
+    return "(wide){{" + ", ".join(words) + "}}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,21 +144,20 @@ class Value:
         """The other operand as a value."""
         return self.writer.literal(other) if isinstance(other, int) else other
 
-    def _binary(self, symbol: str, other: "Value", low: int, high: int) -> "Value":
+    def _call(self, name: str, other: "Value", low: int, high: int) -> "Value":
         kind = max(self.kind, other.kind, self.writer.kind(low, high))
-        a, b = self.at(kind), other.at(kind)
-        text = f"{_WIDE[symbol]}({a}, {b})" if kind is Kind.WIDE else f"{a} {symbol} {b}"
+        text = f"{name}_{kind.c_type}({self.at(kind)}, {other.at(kind)})"
         return self.writer.value(text, kind, low, high)
 
     def __add__(self, other: "Value | int") -> "Value":
         other = self.lift(other)
         if other.low == other.high == 0:
             return self
-        return self._binary("+", other, self.low + other.low, self.high + other.high)
+        return self._call("add", other, self.low + other.low, self.high + other.high)
 
     def __sub__(self, other: "Value | int") -> "Value":
         other = self.lift(other)
-        return self._binary("-", other, self.low - other.high, self.high - other.low)
+        return self._call("subtract", other, self.low - other.high, self.high - other.low)
 
     def __rsub__(self, other: int) -> "Value":
         return self.lift(other) - self
@@ -171,40 +165,45 @@ class Value:
     def __mul__(self, other: "Value | int") -> "Value":
         other = self.lift(other)
         corners = [a * b for a in (self.low, self.high) for b in (other.low, other.high)]
-        return self._binary("*", other, min(corners), max(corners))
+        return self._call("multiply", other, min(corners), max(corners))
 
     def __lshift__(self, count: int) -> "Value":
         low, high = self.low << count, self.high << count
         kind = self.writer.kind(low, high)
         if count == 0 or low == high:
             return self.writer.value(self.at(kind), kind, low, high)
-        text = self.at(kind)
-        if kind is Kind.WIDE:
-            return self.writer.value(f"wide_left({text}, {count})", kind, low, high)
-        unsigned = _UNSIGNED[kind]
-        return self.writer.value(f"({kind.c_type})(({unsigned}){text} << {count})", kind, low, high)
+        return self.writer.value(f"left_{kind.c_type}({self.at(kind)}, {count})", kind, low, high)
 
     def __rshift__(self, count: int) -> "Value":
-        kind, text = self.kind, self.at(self.kind)
-        text = f"wide_right({text}, {count})" if kind is Kind.WIDE else f"{text} >> {min(count, kind - 1)}"
+        kind = self.kind
+        text = f"right_{kind.c_type}({self.at(kind)}, {min(count, kind - 1)})"
         return self.writer.value(text, kind, self.low >> count, self.high >> count)
+
+    def clamped(self, low: int, high: int) -> "Value":
+        """The nearest value within limits."""
+        value = self
+        if value.low < low:
+            value = value._call("maximum", self.lift(low), low, max(low, value.high))
+        if value.high > high:
+            value = value._call("minimum", self.lift(high), min(high, value.low), high)
+        return value
 
     def __and__(self, mask: int) -> "Value":
         if self.low >= 0 and self.high <= mask and mask & (mask + 1) == 0:
             return self
-        return self._binary("&", self.lift(mask), 0, mask if self.low < 0 else min(mask, self.high))
+        return self._call("and", self.lift(mask), 0, mask if self.low < 0 else min(mask, self.high))
 
     def __xor__(self, mask: int) -> "Value":
         assert self.low >= 0
-        return self._binary(
-            "^", self.lift(mask), 0, (1 << max(self.high.bit_length(), mask.bit_length())) - 1
+        return self._call(
+            "xor", self.lift(mask), 0, (1 << max(self.high.bit_length(), mask.bit_length())) - 1
         )
 
     def __lt__(self, other: "Value | int") -> "Flag":
         other = self.lift(other)
         if self.high < other.low or self.low >= other.high:
             return Flag(self.writer, "", self.high < other.low)
-        return self._compare("<", other)
+        return self._compare("less", other)
 
     def __eq__(self, other: "Value | int") -> "Flag":  # type: ignore[override]
         other = self.lift(other)
@@ -212,32 +211,19 @@ class Value:
             return Flag(self.writer, "", False)
         if self.low == self.high == other.low == other.high:
             return Flag(self.writer, "", True)
-        return self._compare("==", other)
+        return self._compare("equal", other)
 
     def __ne__(self, other: "Value | int") -> "Flag":  # type: ignore[override]
         return (self == other).negated()
 
-    def _compare(self, symbol: str, other: "Value") -> "Flag":
+    def _compare(self, name: str, other: "Value") -> "Flag":
         kind = max(self.kind, other.kind)
-        a, b = self.at(kind), other.at(kind)
-        return self.writer.flag(f"{_WIDE[symbol]}({a}, {b})" if kind is Kind.WIDE else f"{a} {symbol} {b}")
-
-
-_UNSIGNED = {Kind.INT32: "uint32_t", Kind.INT64: "uint64_t", Kind.INT128: "unsigned __int128"}
-_WIDE = {
-    "+": "wide_add",
-    "-": "wide_subtract",
-    "*": "wide_multiply",
-    "&": "wide_and",
-    "^": "wide_xor",
-    "<": "wide_less",
-    "==": "wide_equal",
-}
+        return self.writer.flag(f"{name}_{kind.c_type}({self.at(kind)}, {other.at(kind)})")
 
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A C int32_t that is 0 or 1, or a truth ``known`` when the C is written."""
+    """A C integer that is -1 (true) or 0, or a truth ``known`` when the C is written."""
 
     writer: Writer
     text: str
@@ -246,7 +232,7 @@ class Flag:
     @property
     def c(self) -> str:
         """The flag as a C expression."""
-        return self.text if self.known is None else str(int(self.known))
+        return self.text if self.known is None else literal_text(-int(self.known), Kind.INT32)
 
     def __and__(self, other: "Flag") -> "Flag":
         for one, another in ((self, other), (other, self)):
@@ -265,16 +251,19 @@ class Flag:
         """One where the flag holds, else zero."""
         if self.known is not None:
             return self.writer.literal(int(self.known))
-        return self.writer.value(self.text, Kind.INT32, 0, 1)
+        return 0 - -self
 
     def negated(self) -> "Flag":
         """The opposite flag."""
         if self.known is not None:
             return Flag(self.writer, "", not self.known)
-        return self.writer.flag(f"!{self.text}")
+        return self.writer.flag(f"~{self.text}")
 
     def __neg__(self) -> Value:
-        return 0 - self.number
+        """Minus one where the flag holds, else zero."""
+        if self.known is not None:
+            return self.writer.literal(-int(self.known))
+        return self.writer.value(self.text, Kind.INT32, -1, 0)
 
 
 def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Value:
@@ -285,7 +274,5 @@ def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Valu
         return a if condition.known else b
     low, high = min(a.low, b.low), max(a.high, b.high)
     kind = writer.kind(low, high)
-    text = f"{condition.text} ? {a.at(kind)} : {b.at(kind)}"
-    if kind is Kind.WIDE:
-        text = f"wide_select({condition.text}, {a.at(kind)}, {b.at(kind)})"
+    text = f"select_{kind.c_type}({condition.text}, {a.at(kind)}, {b.at(kind)})"
     return writer.value(text, kind, low, high)

@@ -58,9 +58,9 @@ def _widen(program: Program, done: Step, extremes: dict[int, Interval]) -> None:
 
 
 def _get(port: Port, array: Integers, at: _Place) -> int:
-    return int(from_limbs(array[at]) if port.limbs > 1 else array[at])
+    return int(from_limbs(array[at]) if port.limbs else array[at])
 
 
 def _put_all(ports: Iterable[Port], arrays: Iterable[Integers], at: _Place, values: Iterable[int]) -> None:
     for port, array, value in zip(ports, arrays, values, strict=False):
-        array[at] = to_limbs(np.array(value, dtype=object), port.limbs) if port.limbs > 1 else value
+        array[at] = to_limbs(np.array(value, dtype=object), port.limbs) if port.limbs else value

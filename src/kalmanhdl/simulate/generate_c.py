@@ -1,8 +1,8 @@
-"""A typed graph as straight-line C over blocks of tracks.
+"""A typed graph as straight-line C over groups of tracks.
 
-Per program the C has three functions: ``step`` computes one step of a block of tracks (in loops that
-the compiler vectorises), ``watch`` counts what saturated in that step and keeps the extremes, and
-``run`` loads, steps and stores. ``watch`` runs only if something saturated or if asked for.
+A group is as many tracks as the C has lanes. Per program the C has three functions: ``step`` computes one
+step of a group; ``watch`` the same, and counts what saturated and keeps the extremes; ``run`` loads, steps
+and stores. ``watch`` runs only if something saturated or if asked for.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,11 +14,22 @@ from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal
 from kalmanhdl.numerics.typed import TypedGraph, Violation
 from kalmanhdl.simulate.chunks import Chunk, split
 from kalmanhdl.simulate.expression import Flag as FlagText
-from kalmanhdl.simulate.expression import Kind, Value, Writer, signed_bits
+from kalmanhdl.simulate.expression import Kind, Value, Writer, cast, literal_text, signed_bits
 from kalmanhdl.simulate.lowering import Lowering, lower
 
-# A block's states, inputs and results stay in the first-level cache.
-BLOCK = 128
+# Tracks of a group: the 32-bit integers of the widest vectors that processors have.
+LANES = 16
+# Groups that go through a step before the next: their states stay in the first-level cache.
+GROUPS = 8
+
+# The narrowest arrays hold their integers as these types of the C; wider integers have arrays of limbs.
+_ROWS = {
+    "int16": (-(1 << 15), (1 << 15) - 1, Kind.INT32),
+    "uint16": (0, (1 << 16) - 1, Kind.INT32),
+    "int32": (-(1 << 31), (1 << 31) - 1, Kind.INT32),
+    "uint32": (0, (1 << 32) - 1, Kind.INT64),
+    "int64": (-(1 << 63), (1 << 63) - 1, Kind.INT64),
+}
 
 # The flag of a step that starts a track.
 INITIALISE = "initialise"
@@ -26,18 +37,31 @@ INITIALISE = "initialise"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Port:
-    """A value that enters or leaves a step, in an array of 64-bit limbs (no limbs: a flag, one byte).
+    """A value that enters or leaves a step, in an array.
 
-    ``index`` is the operation whose value it is, ``low`` and ``high`` its bounds. In the C it is the
-    member ``x<index>`` of a structure, of type ``kind``.
+    ``index`` is the operation whose value it is, ``low`` and ``high`` its bounds, None for flags. In the C
+    it is the member ``x<index>`` of a structure, of type ``kind``.
     """
 
     name: str
     index: int
-    limbs: int
     kind: Kind
     low: int
     high: int
+    flag: bool
+
+    @property
+    def limbs(self) -> int:
+        """The 64-bit limbs of each of the array's integers, none if a type of NumPy holds them."""
+        return 0 if self.row in _ROWS or self.flag else -(-signed_bits(self.low, self.high) // 64)
+
+    @property
+    def row(self) -> str:
+        """The type of the array: NumPy's narrowest for these bounds, uint8 for flags, uint64 of limbs."""
+        if self.flag:
+            return "uint8"
+        fits = (name for name, (low, high, _) in _ROWS.items() if low <= self.low and self.high <= high)
+        return next(fits, "uint64")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,16 +94,15 @@ def generate(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[str, 
     limbs = max(2, -(-max((program.bits for program in programs), default=0) // 64))
     tables = sorted({g.division.index_bits for g in graphs if isinstance(g.division, TableNewton)})
     folder = files("kalmanhdl.simulate")
-    parts = [f"#define WIDE_LIMBS {limbs}", f"enum {{ BLOCK = {BLOCK} }};"]
+    parts = [f"#define WIDE_LIMBS {limbs}", f"#define LANES {LANES}", f"enum {{ GROUPS = {GROUPS} }};"]
     parts += [(folder / name).read_text(encoding="utf-8") for name in ("wide.h", "engine.h")]
     parts += [_table(bits) for bits in tables]
     return "\n".join([*parts, *(program.text for program in programs)]), programs
 
 
 def _table(index_bits: int) -> str:
-    table = reciprocal_table(index_bits)
-    entries, c_type = ", ".join(map(str, table)), "int32_t" if max(table) < 1 << 31 else "int64_t"
-    return f"static const {c_type} reciprocal_table_{index_bits}[] = {{{entries}}};"
+    entries = ", ".join(map(str, reciprocal_table(index_bits)))
+    return f"static const int32_t reciprocal_table_{index_bits}[] = {{{entries}}};"
 
 
 def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
@@ -93,11 +116,11 @@ def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
     outputs = tuple(_port(lowering, key, root) for key, root in typed.graph.outputs)
     kept = (Input, State, Quantise, Divide, Reciprocal)
     chosen = {i for i, o in enumerate(operations) if isinstance(o, kept)} | set(typed.graph.roots)
-    watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if p.limbs)
+    watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if not p.flag)
     counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
     parts = _Parts(name, lowering, inputs, flags, states, outputs, counted, watched)
-    sinks = _step_sinks(parts), _watch_sinks(parts)
-    text = "\n".join([_structures(parts), _loops(parts, split(writer.statements, sinks)), _run(parts)])
+    sinks = [_step_sinks(parts), _watch_sinks(parts)]
+    text = "\n".join([_structures(parts), _functions(parts, split(writer.statements, sinks)), _run(parts)])
     return Program(
         name=name,
         text=text,
@@ -123,49 +146,40 @@ class _Parts:
     counted: tuple[int, ...]
     watched: tuple[Port, ...]
 
-    @property
-    def lanes(self) -> int:
-        """Tracks are padded to whole vectors, where the compiler can make vectors at all."""
-        return 16 if max(self.lowering.writer.kinds, default=Kind.INT32) <= Kind.INT64 else 1
-
 
 def _port(lowering: Lowering, name: str, index: int) -> Port:
     signal = lowering.signals[index]
-    if not isinstance(signal, Value):
-        return Port(name=name, index=index, limbs=0, kind=Kind.INT32, low=0, high=1)
-    low, high = signal.low, signal.high
-    limbs = -(-signed_bits(low, high) // 64)
-    return Port(name=name, index=index, limbs=limbs, kind=signal.kind, low=low, high=high)
+    if isinstance(signal, Value):
+        return Port(name=name, index=index, kind=signal.kind, low=signal.low, high=signal.high, flag=False)
+    return Port(name=name, index=index, kind=Kind.INT32, low=-1, high=0, flag=True)
 
 
 def _next_states(parts: _Parts) -> list[str]:
     """The statements that keep the states of live tracks."""
     lowering, lines = parts.lowering, []
     for port, (_, root) in zip(parts.states, lowering.typed.graph.states, strict=True):
-        if port.limbs:
+        if port.flag:
+            text = lowering.flag(root).c
+        else:
             new = lowering.aligned(root, lowering.form(port.index).fraction).known(port.low, port.high)
             text = new.at(port.kind)
-        else:
-            text = lowering.flag(root).c
-        place = f"x{port.index}[t]"
-        if port.kind is Kind.WIDE:
-            lines.append(f"next->{place} = wide_select(live, {text}, old->{place});")
-        else:
-            lines.append(f"next->{place} = live ? {text} : old->{place};")
+        place = f"x{port.index}"
+        lines.append(f"next->{place} = select_{port.kind.c_type}(in->live, {text}, old->{place});")
     return lines
 
 
 def _members(ports: Iterable[Port]) -> str:
-    return " ".join(dict.fromkeys(f"{port.kind.c_type} x{port.index}[BLOCK];" for port in ports))
+    return " ".join(dict.fromkeys(f"{port.kind.c_type} x{port.index};" for port in ports))
 
 
 def _structures(parts: _Parts) -> str:
-    extremes = " ".join(f"{p.kind.c_type} low{p.index}[1], high{p.index}[1];" for p in parts.watched)
+    extremes = " ".join(f"{p.kind.c_type} low{p.index}, high{p.index};" for p in parts.watched)
+    counts = len(parts.counted) + len(parts.lowering.typed.violations)
     return f"""
-typedef struct {{ int32_t live[BLOCK]; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
-typedef struct {{ int32_t none; {_members(parts.states)} }} {parts.name}_state;
-typedef struct {{ int32_t none; {_members(parts.outputs)} }} {parts.name}_out;
-typedef struct {{ int32_t seen; {extremes} }} {parts.name}_extremes;"""
+typedef struct {{ i32 live; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
+typedef struct {{ {_members(parts.states)} }} {parts.name}_state;
+typedef struct {{ i32 hit; {_members(parts.outputs)} }} {parts.name}_out;
+typedef struct {{ i32 seen; int64_t counts[{counts}]; {extremes} }} {parts.name}_watched;"""
 
 
 def _signal_text(parts: _Parts, port: Port) -> str:
@@ -175,8 +189,8 @@ def _signal_text(parts: _Parts, port: Port) -> str:
 
 def _step_sinks(parts: _Parts) -> list[str]:
     """The lines of a step that use its variables: new states, outputs, and whether anything saturated."""
-    hits = dict.fromkeys(f"hit |= {parts.lowering.saturations[i].c};" for i in parts.counted)
-    outputs = dict.fromkeys(f"out->x{p.index}[t] = {_signal_text(parts, p)};" for p in parts.outputs)
+    hits = dict.fromkeys(f"out->hit |= {parts.lowering.saturations[i].c};" for i in parts.counted)
+    outputs = dict.fromkeys(f"out->x{p.index} = {_signal_text(parts, p)};" for p in parts.outputs)
     return [*_next_states(parts), *outputs, *hits]
 
 
@@ -185,86 +199,40 @@ def _watch_sinks(parts: _Parts) -> list[str]:
     lowering = parts.lowering
     flags = [lowering.saturations[i] for i in parts.counted]
     flags += [_matters(parts, violation) for violation in lowering.typed.violations]
-    lines = [f"counts[{n}] += {flag.c};" for n, flag in enumerate(flags)]
+    lines = [f"w->counts[{n}] += count({flag.c} & in->live);" for n, flag in enumerate(flags)]
     for port in parts.watched:
-        text = _signal_text(parts, port)
-        low, high = f"e->low{port.index}[0]", f"e->high{port.index}[0]"
-        less = "wide_less({}, {})" if port.kind is Kind.WIDE else "{} < {}"
-        lines.append(f"if (!seen || {less.format(text, low)}) {low} = {text};")
-        lines.append(f"if (!seen || {less.format(high, text)}) {high} = {text};")
+        kind, text = port.kind.c_type, _signal_text(parts, port)
+        for end, nearer in (("low", "minimum"), ("high", "maximum")):
+            place = f"w->{end}{port.index}"
+            lines.append(f"{place} = {nearer}_{kind}({place}, select_{kind}(in->live, {text}, {place}));")
     return lines
 
 
-def _loops(parts: _Parts, chunks: Sequence[Chunk]) -> str:
+def _functions(parts: _Parts, chunks: Sequence[Chunk]) -> str:
     """The functions ``step`` and ``watch``, each calling one function a chunk."""
-    name, count = parts.name, range(len(chunks))
-    steps = " | ".join(f"{name}_step_{k}(groups, in, old, mid, next, out)" for k in count)
-    watches = " | ".join(f"{name}_watch_{k}(tracks, in, old, mid, counts, e, e->seen)" for k in count)
-    waiting = " ".join(f"{s.c_type} {s.name}[BLOCK];" for chunk in chunks for s in chunk.stores)
-    functions = [f(parts, k, chunk) for k, chunk in enumerate(chunks) for f in (_step_chunk, _watch_chunk)]
-    return f"""
-typedef struct {{ int32_t none; {waiting} }} {name}_mid;
-{"".join(functions)}
-static int32_t {name}_step(int64_t groups, const {name}_in *in, const {name}_state *old, {name}_mid *mid,
-                       {name}_state *next, {name}_out *out)
-{{
-    return {steps};
-}}
-
-static void {name}_watch(int64_t tracks, const {name}_in *in, const {name}_state *old, const {name}_mid *mid,
-                        int64_t *counts, {name}_extremes *e)
-{{
-    e->seen = {watches};
-}}"""
-
-
-def _step_chunk(parts: _Parts, number: int, chunk: Chunk) -> str:
     name = parts.name
-    stores = [f"mid->{s.name}[t] = {s.name};" for s in chunk.stores]
-    # Inlined, the pointers would be restrict no longer; without the pragma gcc judges such a loop not
-    # worth its vectors. Either costs most of the speed.
-    simd = "#pragma omp simd reduction(|:any)" if parts.lanes > 1 else ""
-    return f"""
-__attribute__((noinline))
-static int32_t {name}_step_{number}(int64_t groups, const {name}_in *restrict in,
-        const {name}_state *restrict old, {name}_mid *restrict mid, {name}_state *restrict next,
-        {name}_out *restrict out)
-{{
-    int32_t any = 0;
-    {simd}
-    for (int64_t t = 0; t < groups * {parts.lanes}; t++) {{
-        const int32_t live = in->live[t];
-        int32_t hit = 0;
-        {_lines([*_body(chunk), *stores, *chunk.sinks[0]], 8)}
-        any |= hit & live;
-    }}
-    return any;
-}}
-"""
+    waiting = " ".join(f"{s.c_type} {s.name};" for chunk in chunks for s in chunk.stores)
+    given = f"const {name}_in *restrict in, const {name}_state *restrict old, {name}_mid *restrict mid"
+    given += f", {name}_state *restrict next, {name}_out *restrict out"
+    watched = f", {name}_watched *restrict w"
+    texts = [f"typedef struct {{ {waiting} }} {name}_mid;"]
+    for what, kinds, more, passed in (("step", 1, "", ""), ("watch", 2, watched, ", w")):
+        for k, chunk in enumerate(chunks):
+            lines = [*_body(chunk), *(line for sinks in chunk.sinks[:kinds] for line in sinks)]
+            texts.append(_function(f"{name}_{what}_{k}", given + more, lines))
+        calls = [f"{name}_{what}_{k}(in, old, mid, next, out{passed});" for k in range(len(chunks))]
+        texts.append(_function(f"{name}_{what}", given + more, ["out->hit = (i32){0};", *calls]))
+    return "\n".join(texts)
 
 
-def _watch_chunk(parts: _Parts, number: int, chunk: Chunk) -> str:
-    name = parts.name
-    return f"""
-__attribute__((cold, noinline))
-static int32_t {name}_watch_{number}(int64_t tracks, const {name}_in *restrict in,
-        const {name}_state *restrict old, const {name}_mid *restrict mid, int64_t *restrict counts,
-        {name}_extremes *restrict e, int32_t seen)
-{{
-    for (int64_t t = 0; t < tracks; t++) {{
-        if (!in->live[t])
-            continue;
-        {_lines([*_body(chunk), *chunk.sinks[1]], 8)}
-        seen = 1;
-    }}
-    return seen;
-}}
-"""
+def _function(name: str, parameters: str, lines: Iterable[str]) -> str:
+    return f"CALL void {name}({parameters})\n{{\n    {_lines(lines, 4)}\n}}\n"
 
 
 def _body(chunk: Chunk) -> list[str]:
-    loads = [f"const {s.c_type} {s.name} = mid->{s.name}[t];" for s in chunk.loads]
-    return [*loads, *(statement.text for statement in chunk.statements)]
+    loads = [f"const {s.c_type} {s.name} = mid->{s.name};" for s in chunk.loads]
+    stores = [f"mid->{s.name} = {s.name};" for s in chunk.stores]
+    return [*loads, *(statement.text for statement in chunk.statements), *stores]
 
 
 def _matters(parts: _Parts, violation: Violation) -> FlagText:
@@ -277,97 +245,101 @@ def _matters(parts: _Parts, violation: Violation) -> FlagText:
     return lowering.flag(violation.outside) & matters
 
 
-def _load(port: Port, block: str, array: str, at: str) -> str:
-    """The statement that fills a block with elements of an array of limbs, or of flag bytes."""
-    if copy := _copy(port):
-        return f"load_{copy}({block}, {array}, {at}, n);"
-    loaded = f"wide_load((const uint64_t *){array} + ({at} + t) * {port.limbs}, {port.limbs})"
-    value = loaded if port.kind is Kind.WIDE else f"wide_low({loaded})"
-    return f"for (int64_t t = 0; t < n; t++) {block}[t] = {value};"
+def _load(port: Port, array: str, at: str) -> str:
+    """A group of elements of an array, as the port's kind."""
+    if port.flag:
+        return f"-load_uint8({array}, {at}, n)"
+    if port.limbs:
+        return cast(f"load_limbs({array}, {at}, n, {port.limbs})", Kind.WIDE, port.kind)
+    return cast(f"load_{port.row}({array}, {at}, n)", _ROWS[port.row][2], port.kind)
 
 
-def _store(port: Port, block: str, array: str, at: str) -> str:
-    """The statement that brings a block into an array."""
-    if copy := _copy(port):
-        return f"store_{copy}({block}, {array}, {at}, n);"
-    value = f"{block}[t]" if port.kind is Kind.WIDE else f"wide_of({block}[t])"
-    place = f"(uint64_t *){array} + ({at} + t) * {port.limbs}"
-    return f"for (int64_t t = 0; t < n; t++) wide_store({place}, {port.limbs}, {value});"
+def _store(port: Port, value: str, array: str, at: str) -> str:
+    """The statement that brings a group into an array."""
+    if port.flag:
+        return f"store_uint8({array}, {at}, n, -{value});"
+    if port.limbs:
+        return f"store_limbs({array}, {at}, n, {port.limbs}, {cast(value, port.kind, Kind.WIDE)});"
+    return f"store_{port.row}({array}, {at}, n, {cast(value, port.kind, _ROWS[port.row][2])});"
 
 
 def _lines(statements: Iterable[str], indent: int) -> str:
     return ("\n" + " " * indent).join(statements)
 
 
-def _copy(port: Port) -> str | None:
-    """Which of the copies of engine.h serves a port."""
-    if not port.limbs:
-        return "flags"
-    return str(port.kind.value) if port.kind <= Kind.INT64 else None
-
-
 def _run(parts: _Parts) -> str:
     name, states = parts.name, parts.states
     loads = [
-        _load(p, f"b->in.x{p.index}", f"{array}[{k}]", "row")
+        f"b->in.x{p.index} = {_load(p, f'{array}[{k}]', 'at')};"
         for array, ports in (("inputs", parts.inputs), ("flags", parts.flags))
         for k, p in enumerate(ports)
     ]
-    first = [_load(p, f"old->x{p.index}", f"state[{k}]", "first") for k, p in enumerate(states)]
-    last = [_store(p, f"old->x{p.index}", f"state[{k}]", "first") for k, p in enumerate(states)]
-    records = [_store(p, f"next->x{p.index}", f"records[{k}]", "row") for k, p in enumerate(states)]
-    outs = [_store(p, f"b->out.x{p.index}", f"outputs[{k}]", "row") for k, p in enumerate(parts.outputs)]
-    extremes = [
-        _store(p, f"b->extremes.{member}{p.index}", f"extremes[{2 * k + i}]", "0")
-        for k, p in enumerate(parts.watched)
-        for i, member in enumerate(("low", "high"))
-    ]
+    first = [f"old->x{p.index} = {_load(p, f'state[{k}]', 'track')};" for k, p in enumerate(states)]
+    last = [_store(p, f"old->x{p.index}", f"state[{k}]", "track") for k, p in enumerate(states)]
+    records = [_store(p, f"next->x{p.index}", f"records[{k}]", "at") for k, p in enumerate(states)]
+    outs = [_store(p, f"b->out.x{p.index}", f"outputs[{k}]", "at") for k, p in enumerate(parts.outputs)]
+    # A range that holds nothing, to begin with.
+    bounds = [(p, f"b->watched.low{p.index}", p.high) for p in parts.watched]
+    bounds += [(p, f"b->watched.high{p.index}", p.low) for p in parts.watched]
+    empty = [f"{place} = {literal_text(limit, p.kind)};" for p, place, limit in bounds]
+    extremes = [_store(p, place, f"extremes[{k}]", "0") for k, (p, place, _) in enumerate(bounds)]
     return f"""
 typedef struct {{
     {name}_in in;
     {name}_mid mid;
-    {name}_state states[2];
+    {name}_state states[2][GROUPS];
     {name}_out out;
-    {name}_extremes extremes;
+    {name}_watched watched;
 }} {name}_block;
 
-/* Arrays are (steps, tracks), states (tracks). Returns 1 if something was watched, -1 without memory. */
+/* Arrays are (steps, tracks), states (tracks), extremes (lanes), first all least ones, then the greatest.
+   Returns 1 if something was watched, -1 without memory. */
 int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, const void *const *flags,
                const uint8_t *active, void *const *state, void *const *outputs, void *const *records,
                int64_t *counts, void *const *extremes, int32_t monitor)
 {{
-    {name}_block *b = calloc(1, sizeof *b);
+    {name}_block *b = aligned_alloc(_Alignof({name}_block), sizeof *b);
     if (!b)
         return -1;
-    for (int64_t first = 0; first < tracks; first += BLOCK) {{
-        int64_t n = tracks - first < BLOCK ? tracks - first : BLOCK;
-        {name}_state *old = &b->states[0], *next = &b->states[1];
-        for (int64_t t = 0; t < BLOCK; t++) b->in.live[t] = t < n;
-        {_lines(first, 8)}
-        for (int64_t step = 0; step < steps; step++) {{
-            int64_t row = step * tracks + first;
-            {_lines(loads, 12)}
-            if (active)
-                for (int64_t t = 0; t < n; t++) b->in.live[t] = active[row + t] != 0;
-            int64_t groups = (n + {parts.lanes - 1}) / {parts.lanes};
-            int32_t any = {name}_step(groups, &b->in, old, &b->mid, next, &b->out);
-            if (any || monitor)
-                {name}_watch(n, &b->in, old, &b->mid, counts, &b->extremes);
-            {_lines(outs, 12)}
-            if (records) {{
-                {_lines(records, 16)}
-            }}
-            {name}_state *swap = old;
-            old = next;
-            next = swap;
+    memset(b, 0, sizeof *b);
+    {_lines(empty, 4)}
+    for (int64_t first = 0; first < tracks; first += GROUPS * LANES) {{
+        int64_t end = tracks - first < GROUPS * LANES ? tracks : first + GROUPS * LANES;
+        for (int64_t track = first; track < end; track += LANES) {{
+            int64_t n = end - track < LANES ? end - track : LANES;
+            {name}_state *old = &b->states[0][(track - first) / LANES];
+            {_lines(first, 12)}
         }}
-        {_lines(last, 8)}
+        for (int64_t step = 0; step < steps; step++)
+            for (int64_t track = first; track < end; track += LANES) {{
+                int64_t n = end - track < LANES ? end - track : LANES, at = step * tracks + track;
+                int64_t group = (track - first) / LANES;
+                {name}_state *old = &b->states[step & 1][group], *next = &b->states[~step & 1][group];
+                {_lines(loads, 16)}
+                b->in.live = first_lanes(n);
+                if (active)
+                    b->in.live &= -load_uint8(active, at, n);
+                if (!monitor)
+                    {name}_step(&b->in, old, &b->mid, next, &b->out);
+                if (monitor || any(b->out.hit & b->in.live)) {{
+                    {name}_watch(&b->in, old, &b->mid, next, &b->out, &b->watched);
+                    b->watched.seen |= b->in.live;
+                }}
+                {_lines(outs, 16)}
+                if (records) {{
+                    {_lines(records, 20)}
+                }}
+            }}
+        for (int64_t track = first; track < end; track += LANES) {{
+            int64_t n = end - track < LANES ? end - track : LANES;
+            {name}_state *old = &b->states[steps & 1][(track - first) / LANES];
+            {_lines(last, 12)}
+        }}
     }}
-    int32_t seen = b->extremes.seen;
-    if (seen) {{
-        int64_t n = 1;
-        {_lines(extremes, 8)}
-    }}
+    memcpy(counts, b->watched.counts, sizeof b->watched.counts);
+    int64_t n = LANES;
+    {_lines(extremes, 4)}
+    int32_t seen = -any(b->watched.seen);
     free(b);
     return seen;
 }}"""

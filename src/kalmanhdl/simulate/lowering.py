@@ -7,7 +7,7 @@ exact even for a value that a range analysis believed impossible.
 from dataclasses import dataclass
 from typing import assert_never
 
-from kalmanhdl.arithmetic.fixed import Fixed, Overflow, outside, rounded, saturated, wrapped
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, rounded, wrapped
 from kalmanhdl.graph.operations import (
     Add,
     And,
@@ -88,9 +88,9 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
         case Input() | State():
             return _loaded(lowering, index, "in" if isinstance(operation, Input) else "old")
         case FlagInput():
-            return lowering.writer.flag(f"in->x{index}[t]")
+            return lowering.writer.flag(f"in->x{index}")
         case StateFlag():
-            return lowering.writer.flag(f"old->x{index}[t]")
+            return lowering.writer.flag(f"old->x{index}")
         case Constant(value):
             return lowering.writer.literal(int(value / lowering.form(index).resolution))
         case Add(a, b):
@@ -128,32 +128,20 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
 def _loaded(lowering: Lowering, index: int, place: str) -> Value:
     form = lowering.form(index)
     kind = lowering.writer.kind(form.lowest, form.highest)
-    return lowering.writer.value(f"{place}->x{index}[t]", kind, form.lowest, form.highest)
+    return lowering.writer.value(f"{place}->x{index}", kind, form.lowest, form.highest)
 
 
 def _outside(raw: Value, form: Fixed) -> Flag:
-    if form.lowest <= raw.low and raw.high <= form.highest:
-        return Flag(raw.writer, "", False)
-    flag = outside(raw, form)
-    assert isinstance(flag, Flag)
-    return flag
+    return raw.clamped(form.lowest, form.highest) != raw
 
 
 def _fitted(lowering: Lowering, index: int, raw: Value, form: Fixed, overflow: Overflow) -> Value:
-    out = _outside(raw, form)
-    if out.known is False:
+    if form.lowest <= raw.low and raw.high <= form.highest:
         return raw
-    lowering.saturations[index] = out
-    if overflow is Overflow.WRAP:
-        value = wrapped(raw, form)
-    else:
-        value = saturated(raw, form, choose).known(*(_clamp(bound, form) for bound in (raw.low, raw.high)))
+    lowering.saturations[index] = _outside(raw, form)
+    value = raw.clamped(form.lowest, form.highest) if overflow is Overflow.SATURATE else wrapped(raw, form)
     assert isinstance(value, Value)
     return value
-
-
-def _clamp(number: int, form: Fixed) -> int:
-    return min(max(number, form.lowest), form.highest)
 
 
 def _quotient(lowering: Lowering, index: int, operation: Divide | Reciprocal) -> Value:

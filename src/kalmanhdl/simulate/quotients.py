@@ -7,7 +7,7 @@ two such integers never reaches an integer that the exact quotient does not, so 
 from itertools import pairwise
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton, reciprocal_table
-from kalmanhdl.arithmetic.fixed import Fixed, Rounding, outside, rounded, saturated
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding, rounded
 from kalmanhdl.simulate.expression import Flag, Kind, Value, choose
 
 _DOUBLE_BITS = 52
@@ -62,7 +62,8 @@ def _decides(mode: Rounding) -> bool:
 
 
 def _clamped(value: Value, form: Fixed) -> tuple[Value, Flag]:
-    return saturated(value, form, choose).known(form.lowest, form.highest), outside(value, form)
+    result = value.clamped(form.lowest, form.highest)
+    return result, result != value
 
 
 def _floor_quotient(numerator: Value, denominator: Value, form: Fixed, sticky: bool) -> tuple[Value, Value]:
@@ -80,48 +81,38 @@ def _floor_quotient(numerator: Value, denominator: Value, form: Fixed, sticky: b
         if low > high:
             low = high = low if low > 2 * form.highest else high
         return _double_quotient(numerator, denominator, low, high, sticky)
+    kind = max(kind, Kind.INT64)
     if kind is Kind.WIDE:
         writer.widest = max(writer.widest, numerator.high.bit_length() + 2, denominator.high.bit_length() + 2)
-        quotient = writer.value(f"wide_divide({numerator.at(kind)}, {denominator.at(kind)})", kind, low, high)
-    else:
-        name = f"floor_divide_{kind.value}"
-        quotient = writer.value(f"{name}({numerator.at(kind)}, {denominator.at(kind)})", kind, low, high)
+    text = f"divide_{kind.c_type}({numerator.at(kind)}, {denominator.at(kind)})"
+    quotient = writer.value(text, kind, low, high)
     if not sticky:
         return quotient, writer.literal(0)
     return quotient, (quotient * denominator != numerator).number
 
 
 def _double_quotient(n: Value, d: Value, low: int, high: int, sticky: bool) -> tuple[Value, Value]:
-    writer = n.writer
-    exact = f"(double){n.at(n.kind)} / (double){d.at(d.kind)}"
-    clamped = writer.bind("double", f"clamp({exact}, {float(low)!r}, {float(high)!r})")
-    floor = clamped if low >= 0 else f"__builtin_floor({clamped})"
-    to = writer.kind(low, high)
-    quotient = writer.value(f"({to.c_type}){floor}", to, low, high)
+    writer, kind = n.writer, Kind.INT64
+    a, b = n.at(kind), d.at(kind)
+    quotient = writer.value(f"divide_short({a}, {b}, {float(low)!r}, {float(high)!r})", kind, low, high)
     if not sticky:
         return quotient, writer.literal(0)
-    # The remainder is less than the divisor: its last bits tell whether it is zero.
-    unsigned = "uint32_t" if d.high < 1 << 32 else "uint64_t"
-    q, a, b = (f"({unsigned}){v.at(v.kind)}" for v in (quotient, d, n))
-    return quotient, writer.flag(f"{q} * {a} != {b}").number
+    # The remainder is less than the divisor: a product that wraps still tells whether it is zero.
+    product = writer.bind(kind.c_type, f"multiply_i64({quotient.at(kind)}, {b})")
+    return quotient, writer.flag(f"~equal_i64({product}, {a})").number
 
 
-def _missing_bits(divisor: Value, length: int) -> str:
+def _missing_bits(divisor: Value, length: int) -> Value:
     """The zeros above the leading one of a positive divisor, in ``length`` bits."""
-    kind = divisor.kind
-    text = divisor.at(kind)
-    if kind is Kind.WIDE:
-        return divisor.writer.bind("int64_t", f"{length} - wide_length({text})")
-    counted = "int32_t" if kind is Kind.INT32 else "int64_t"
-    return divisor.writer.bind(counted, f"{length} - bit_length_{kind.value}({text})")
+    text = f"length_{divisor.kind.c_type}({divisor.at(divisor.kind)})"
+    return length - divisor.writer.value(text, Kind.INT32, 1, length)
 
 
-def _shifted(value: Value, count: str, length: int) -> Value:
+def _shifted(value: Value, count: Value, length: int) -> Value:
     """A positive value shifted left by a variable count, to at most ``length`` bits."""
     writer, high = value.writer, (1 << length) - 1
     kind = writer.kind(0, high)
-    text = value.at(kind)
-    shifted = f"wide_left({text}, {count})" if kind is Kind.WIDE else f"({kind.c_type})({text} << {count})"
+    shifted = f"shift_{kind.c_type}({value.at(kind)}, {count.at(Kind.INT32)})"
     return writer.value(shifted, kind, value.low, high)
 
 
@@ -131,9 +122,8 @@ def _table_newton(normalised: Value, length: int, method: TableNewton, form: Fix
     normalised = normalised.known(1 << (length - 1), (1 << length) - 1)
     table = reciprocal_table(k)
     index = rounded(normalised, length - 1 - k, Rounding.FLOOR) & ((1 << k) - 1)
-    entry = f"reciprocal_table_{k}[{index.at(min(index.kind, Kind.INT64))}]"
-    kind = Kind.INT32 if max(table) < 1 << 31 else Kind.INT64
-    value = writer.value(entry, kind, min(table), max(table))
+    entry = f"look_up(reciprocal_table_{k}, {index.at(Kind.INT32)})"
+    value = writer.value(entry, Kind.INT32, min(table), max(table))
     for fraction, target in pairwise(method.fractions(form)):
         exact = (1 << (length + fraction + 1)) - normalised * value
         kept = target + 2

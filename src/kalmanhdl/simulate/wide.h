@@ -8,7 +8,7 @@
 
 #include <stdint.h>
 
-/* Calls: written out at every use, a program of wide integers takes minutes to compile. */
+/* Written out at every use, a program of wide integers would take minutes to compile. */
 #define WIDE_CALL __attribute__((noinline, unused)) static
 
 typedef struct { uint64_t limb[WIDE_LIMBS]; } wide;
@@ -76,10 +76,10 @@ WIDE_CALL wide wide_xor(wide a, wide b)
     return a;
 }
 
-WIDE_CALL wide wide_left(wide a, int64_t count)
+WIDE_CALL wide wide_left(wide a, int count)
 {
     wide r;
-    int whole = (int)(count / 64), part = (int)(count % 64);
+    int whole = count / 64, part = count % 64;
     for (int i = WIDE_LIMBS - 1; i >= 0; i--) {
         uint64_t high = i >= whole ? a.limb[i - whole] : 0;
         uint64_t low = i > whole ? a.limb[i - whole - 1] : 0;
@@ -89,12 +89,11 @@ WIDE_CALL wide wide_left(wide a, int64_t count)
 }
 
 /* An arithmetic shift: a floor. */
-WIDE_CALL wide wide_right(wide a, int64_t count)
+WIDE_CALL wide wide_right(wide a, int count)
 {
     wide r;
     uint64_t sign = -(uint64_t)wide_negative(a);
-    int64_t whole = count / 64;
-    int part = (int)(count % 64);
+    int whole = count / 64, part = count % 64;
     for (int i = 0; i < WIDE_LIMBS; i++) {
         uint64_t low = i + whole < WIDE_LIMBS ? a.limb[i + whole] : sign;
         uint64_t high = i + whole + 1 < WIDE_LIMBS ? a.limb[i + whole + 1] : sign;
@@ -121,10 +120,8 @@ WIDE_CALL int32_t wide_less(wide a, wide b)
     return 0;
 }
 
-WIDE_CALL wide wide_select(int32_t flag, wide a, wide b) { return flag ? a : b; }
-
 /* The number of bits of a value >= 0. */
-WIDE_CALL int64_t wide_length(wide a)
+WIDE_CALL int wide_length(wide a)
 {
     for (int i = WIDE_LIMBS - 1; i >= 0; i--)
         if (a.limb[i])
@@ -137,7 +134,7 @@ WIDE_CALL wide wide_divide(wide a, wide b)
 {
     int32_t negative = wide_negative(a);
     wide quotient = wide_of(0), rest = wide_of(0), magnitude = negative ? wide_negate(a) : a;
-    for (int64_t bit = wide_length(magnitude) - 1; bit >= 0; bit--) {
+    for (int bit = wide_length(magnitude) - 1; bit >= 0; bit--) {
         rest = wide_left(rest, 1);
         rest.limb[0] |= magnitude.limb[bit / 64] >> (bit % 64) & 1;
         if (!wide_less(rest, b)) {
