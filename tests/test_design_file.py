@@ -15,8 +15,10 @@ from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.design_file import dump, dumps, loads
 from kalmanhdl.errors import DesignError, ModelError, OutputError
 from kalmanhdl.model.initial import given, two_point
-from kalmanhdl.model.motion import constant_velocity
+from kalmanhdl.model.motion import constant_acceleration, constant_velocity
+from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 
 DESIGNS = Path(__file__).parents[1] / "designs"
@@ -93,6 +95,48 @@ def test_motion_models_are_reachable_from_files():
     assert model.state_names == ("east", "east_rate", "north", "north_rate")
     assert model.measurement_names == ("east_plot", "north_plot")
     assert model.initial.points == 2
+
+
+@pytest.mark.parametrize(
+    ("keys", "motion"),
+    [
+        (
+            'kind = "singer"\ntau = "1/0.001"\nnoise = 0.0129\naxes = 3\norder = "derivative"',
+            singer(T=0.25, tau=1000, noise=0.0129, axes=3, order="derivative"),
+        ),
+        (
+            'kind = "singer"\ntau = 2\nnoise = [1, 2]\naxes = 2\ndiscretisation = "piecewise"',
+            singer(T=0.25, tau=2, noise=[1, 2], axes=2, discretisation="piecewise"),
+        ),
+        (
+            'kind = "coordinated_turn"\nturn_rate = "-pi/60"\nnoise = 1',
+            coordinated_turn(T=0.25, turn_rate=-np.pi / 60, noise=1),
+        ),
+        (
+            'kind = "constant_acceleration"\nnoise = 1\naxes = 2\norder = "derivative"',
+            constant_acceleration(T=0.25, noise=1, axes=2, order="derivative"),
+        ),
+    ],
+)
+def test_every_motion_is_reachable_from_files_and_comes_back(keys, motion):
+    n, m = len(motion.F), len(motion.axes)
+    text = f"""
+        name = "target"
+        [model]
+        T = 0.25
+        {keys}
+        R = {{ diagonal = {[9] * m} }}
+        [model.initial]
+        kind = "given"
+        x = {[0] * n}
+        P = {{ diagonal = {[1] * n} }}
+    """
+    design = loads(text)
+    np.testing.assert_array_equal(design.model.F, motion.F)
+    np.testing.assert_array_equal(design.model.Q, motion.Q)
+    np.testing.assert_array_equal(design.model.H, motion.H)
+    assert design.model.state_names == motion.state_names
+    assert_same(loads(dumps(design)), design)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +20,7 @@ from kalmanhdl.design_file.schema import (
     NUMERICS,
     AffineTable,
     ArchitectureTable,
+    CommonModelTable,
     FixedTable,
     GivenTable,
     LinearTable,
@@ -33,8 +34,11 @@ from kalmanhdl.design_file.values import Context, number
 from kalmanhdl.errors import DesignError, ModelError
 from kalmanhdl.model.expression import MAX_CONSTANTS, RESERVED, ExpressionError, resolve
 from kalmanhdl.model.initial import given, two_point
-from kalmanhdl.model.motion import constant_acceleration, constant_velocity
+from kalmanhdl.model.model import Model
+from kalmanhdl.model.motion import Motion, constant_acceleration, constant_velocity
+from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
+from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
 
@@ -45,7 +49,12 @@ MAX_DOTS = 6
 _DOTTED = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*\.[ \t]*){{{MAX_DOTS + 1}}}""")
 
 _T = TypeVar("_T", bound=Table)
-_MOTIONS = {"constant_velocity": constant_velocity, "constant_acceleration": constant_acceleration}
+_MOTIONS: dict[str, Callable[..., Motion]] = {
+    "constant_velocity": constant_velocity,
+    "constant_acceleration": constant_acceleration,
+    "singer": singer,
+    "coordinated_turn": coordinated_turn,
+}
 
 
 def load(path: str | Path, constants: Mapping[str, float | str] | None = None) -> Design:
@@ -158,15 +167,15 @@ def _constant_fault(name: str, problem: str, instead: Mapping[str, float | str])
     return InvalidValueError("model.constants", name, f": {problem}")
 
 
-def _model(table: dict[str, Any], context: Context) -> LinearModel:
+def _model(table: dict[str, Any], context: Context) -> Model:
     checked = _of_kind(MODELS, table, "model", context)
     initial = _initial(checked.initial, context)
     if isinstance(checked, LinearTable):
         return _linear(checked, initial)
     assert isinstance(checked, MotionTable)
-    motion = _MOTIONS[checked.kind](
-        T=checked.T, noise=checked.noise, axes=checked.axes, discretisation=checked.discretisation
-    )
+    # The keys of a motion's own are the parameters of its function.
+    own = set(type(checked).model_fields) - set(CommonModelTable.model_fields)
+    motion = _MOTIONS[checked.kind](**{key: getattr(checked, key) for key in own})
     return linear_model(
         motion.F,
         motion.H,

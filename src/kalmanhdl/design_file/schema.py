@@ -22,7 +22,7 @@ from kalmanhdl.design_file.values import (
     Vector,
 )
 from kalmanhdl.model.initial import At
-from kalmanhdl.model.motion import Discretisation
+from kalmanhdl.model.motion import Discretisation, Order
 from kalmanhdl.numerics.specification import DEFAULT_WIDTH, Form
 
 
@@ -75,6 +75,22 @@ class MotionTable(CommonModelTable):
     noise: Noise
     axes: Axes = 1
     discretisation: Discretisation = "piecewise"
+    order: Order = "axis"
+
+
+class SingerTable(MotionTable):
+    """``kind = "singer"``."""
+
+    tau: Number
+    discretisation: Discretisation = "continuous"
+
+
+class TurnTable(MotionTable):
+    """``kind = "coordinated_turn"``."""
+
+    turn_rate: Number
+    noise: Number
+    axes: Axes = 2
 
 
 class GivenTable(Table):
@@ -164,6 +180,8 @@ MODELS: dict[str, type[CommonModelTable]] = {
     "linear": LinearTable,
     "constant_velocity": MotionTable,
     "constant_acceleration": MotionTable,
+    "singer": SingerTable,
+    "coordinated_turn": TurnTable,
 }
 INITIALS: dict[str, type[Table]] = {
     "given": GivenTable,
