@@ -1,5 +1,6 @@
 """Where the registers of a pipelined operator lie."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -25,24 +26,36 @@ def longest_stage(weights: Sequence[float], registers: int) -> float:
 
 
 def _cuts(weights: Sequence[float], stages: int) -> tuple[int, ...]:
-    """The inner boundaries of at most ``stages`` stages whose longest is the shortest possible."""
-    sums = {sum(weights[a:b]) for a in range(len(weights)) for b in range(a + 1, len(weights) + 1)}
-    for limit in sorted(sums):
-        cuts = _filled(weights, limit)
-        if cuts is not None and len(cuts) < stages:
-            return cuts
-    return ()
+    """The inner boundaries of at most ``stages`` stages whose longest is the shortest possible.
+
+    Stages are filled up to a limit, and the least limit that suffices is searched by halves: filled to less
+    than the next longer stage, they would be the same.
+    """
+    low, high = max(weights, default=0), sum(weights)
+    cuts: tuple[int, ...] = ()
+    while low < high:
+        # Between neighbouring numbers there is no half.
+        limit = min((low + high) / 2, math.nextafter(high, low))
+        filled, longest, longer = _filled(weights, limit)
+        if len(filled) < stages:
+            cuts, high = filled, longest
+        else:
+            low = longer
+    return cuts
 
 
-def _filled(weights: Sequence[float], limit: float) -> tuple[int, ...] | None:
-    """Boundaries of stages filled up to a limit one after the other; None if a step is longer."""
+def _filled(weights: Sequence[float], limit: float) -> tuple[tuple[int, ...], float, float]:
+    """Boundaries of stages filled up to a limit one after the other, no step being longer than it.
+
+    Also the longest of them, and the least that one of them would be with the step after it.
+    """
     cuts: list[int] = []
-    stage = 0.0
+    stage, longest, longer = 0.0, 0.0, float("inf")
     for index, weight in enumerate(weights):
-        if weight > limit:
-            return None
         if stage + weight > limit:
             cuts.append(index)
+            longer = min(longer, stage + weight)
             stage = 0.0
         stage += weight
-    return tuple(cuts)
+        longest = max(longest, stage)
+    return tuple(cuts), longest, longer

@@ -88,8 +88,14 @@ class Operator:
 
     def shortest_stage(self, tail: int) -> int:
         """The least budget that it fits into with any number of registers."""
-        held = (self.stages(registers) for registers in range(len(self.pieces)))
-        return min(max(*delays, delays[-1] + tail) for delays in held)
+        least, floor = self.delay + tail, max(*self.pieces, tail)
+        # From the most registers on, which as a rule reach at once what no number of them can fall below.
+        for registers in reversed(range(len(self.pieces))):
+            delays = self.stages(registers)
+            least = min(least, max(*delays, delays[-1] + tail))
+            if least == floor:
+                break
+        return least
 
 
 def picoseconds(nanoseconds: float) -> int:
