@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
 
@@ -78,7 +78,7 @@ class Design:
     """
 
     name: str
-    model: LinearModel
+    model: Model
     algorithm: Algorithm = field(default_factory=Conventional)
     numerics: FixedSpecification = field(default_factory=FixedSpecification)
     architecture: Architecture = field(default_factory=Architecture)
@@ -91,6 +91,8 @@ class Design:
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
         object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
+        # Says so where the algorithm does not suit the model.
+        self.algorithm(self.model)
         _check_scales(self.numerics, self.model.n)
         _check_signals(self.numerics, self.model)
 
@@ -171,7 +173,7 @@ def _check_scales(numerics: FixedSpecification, n: int) -> None:
             raise InvalidValueError("numerics", key, problem)
 
 
-def _check_signals(numerics: FixedSpecification, model: LinearModel) -> None:
+def _check_signals(numerics: FixedSpecification, model: Model) -> None:
     """A format for an element that the model has not would be lost without a word."""
     n, m, p = model.n, model.m, model.p
     shapes = {"x": (n,), "z": (m,), "u": (p,), "y": (m,), "P": (n, n), "K": (n, m), "S": (m, m)}

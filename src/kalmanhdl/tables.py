@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from kalmanhdl.design import Design
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth
@@ -90,7 +90,7 @@ def _cells(found: Implementation | AreaFigures) -> str:
     )
 
 
-def accuracy_table(model: LinearModel, simulation: Simulation) -> str:
+def accuracy_table(model: Model, simulation: Simulation) -> str:
     """For each state the root mean square errors of float reference and engine, and between the two."""
     between = rmse(simulation.exact.x, simulation.reference.x)
     columns = [("state", *model.state_names), ("unit", *(unit or "-" for unit in model.state_units))]

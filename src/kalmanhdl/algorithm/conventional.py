@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
-from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
 from kalmanhdl.algorithm.gain import Gain, direct, normalised_innovation_squared, optimal_gain
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, select
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 
 
@@ -24,12 +25,13 @@ class Conventional(Algorithm):
 
     kind: ClassVar[str] = "conventional"
 
-    def __call__(self, model: LinearModel) -> Filter:
-        """The filter of a model."""
-        return covariance_filter(model, lambda prior, given: _update(model, prior, given))
+    def __call__(self, model: Model) -> Filter:
+        """The filter of a linear model."""
+        linear = as_linear(model, self)
+        return covariance_filter(linear, lambda prior, given: conventional_update(linear, prior, given))
 
 
-def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:
+def conventional_update(model: LinearModel, prior: Belief, given: Given) -> Correction:
     y = innovation(model, prior.x, given)
     gain = optimal_gain(model, prior, given.valid)
     P = symmetric(_covariance(model, prior, gain, given.valid))

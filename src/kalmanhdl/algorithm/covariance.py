@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from kalmanhdl.algorithm.filter import Belief, Correction, Filter, Given
 from kalmanhdl.algorithm.memory import Kept, Kind, Memory
 from kalmanhdl.graph.linear_algebra import symmetric
@@ -40,21 +38,12 @@ def corrected(x: Array, P: Array, y: Array, nis: object) -> Correction:
 
 def start_mean(model: LinearModel, x: Array, given: Given) -> Array:
     """The mean that ``initialise`` makes of the state kept before; see ``model.state_space.Initial``."""
-    initial = model.initial
-    mean = initial.x.astype(object) + initial.from_measurement.astype(object) @ given.z
-    if np.any(initial.from_state):
-        mean = mean + initial.from_state.astype(object) @ x
-    if initial.from_control is not None:
-        mean = mean + initial.from_control.astype(object) @ given.u
-    return named("initialise: x", mean)
+    return named("initialise: x", model.initial.mean(x, given.z, given.u))
 
 
 def predict_mean(model: LinearModel, x: Array, given: Given) -> Array:
     """x = F x + B u + offset, lee1997 eq. 3."""
-    mean = model.F.astype(object) @ x + model.offset.astype(object)
-    if model.p:
-        mean = mean + model.B.astype(object) @ given.u
-    return named("predict: x", mean)
+    return named("predict: x", model.transition(x, given.u))
 
 
 def predict_covariance(model: LinearModel, P: Array) -> Array:

@@ -10,8 +10,10 @@ from typing import ClassVar
 
 from kalmanhdl.algorithm.memory import Kept, Memory
 from kalmanhdl.graph.signal import Array, Condition, both, named, opposite
-from kalmanhdl.model.state_space import Array as Numbers
+from kalmanhdl.model.model import Array as Numbers
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.validation import InvalidModelValueError
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class Filter:
 
     ``start`` makes the memory of a track's first step; with ``before_update`` it is an a priori one,
     which the valid measurements of the same row then update. ``estimate`` reads mean and covariance out
-    of a memory.
+    of a memory. The arrays named in ``shown`` are put out as well.
     """
 
     kept: tuple[Kept, ...]
@@ -70,6 +72,7 @@ class Filter:
     update: Callable[[Memory, Given], Correction]
     estimate: Callable[[Memory], Belief]
     before_update: bool
+    shown: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +84,11 @@ class Algorithm:
 
     kind: ClassVar[str]
 
-    def __call__(self, model: LinearModel) -> Filter:
+    def __call__(self, model: Model) -> Filter:
         """The filter of a model. Raises ModelError where the algorithm does not suit the model."""
         raise NotImplementedError
 
-    def in_units(self, model: LinearModel, covariance: Numbers) -> "Algorithm":
+    def in_units(self, model: Model, covariance: Numbers) -> "Algorithm":
         """The same choice for ``model`` in units in which P (n, n) is divided by ``covariance``."""
         return self
 
@@ -113,3 +116,17 @@ def step(filter_: Filter, memory: Memory, given: Given) -> Outcome:
 
 def _either(filter_: Filter, condition: Condition, a: Memory, b: Memory) -> Memory:
     return {kept.name: kept.chosen(condition, a[kept.name], b[kept.name]) for kept in filter_.kept}
+
+
+def as_linear(model: Model, algorithm: Algorithm) -> LinearModel:
+    """The model, for an algorithm that needs F and H. Raises ModelError where it has none."""
+    if not isinstance(model, LinearModel):
+        raise unsuited(model, algorithm)
+    return model
+
+
+def unsuited(model: Model, algorithm: Algorithm) -> InvalidModelValueError:
+    """The error for an algorithm that does not suit a model."""
+    instead = " or ".join(f'"{kind}"' for kind in model.suited)
+    problem = f' = "{algorithm.kind}" does not suit a {model.kind} model: use {instead}'
+    return InvalidModelValueError("algorithm", "kind", problem)

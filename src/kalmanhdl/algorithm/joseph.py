@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
-from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
 from kalmanhdl.algorithm.gain import normalised_innovation_squared, optimal_gain
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, named, select
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 
 
@@ -24,9 +25,10 @@ class Joseph(Algorithm):
 
     kind: ClassVar[str] = "joseph"
 
-    def __call__(self, model: LinearModel) -> Filter:
-        """The filter of a model."""
-        return covariance_filter(model, lambda prior, given: _update(model, prior, given))
+    def __call__(self, model: Model) -> Filter:
+        """The filter of a linear model."""
+        linear = as_linear(model, self)
+        return covariance_filter(linear, lambda prior, given: _update(linear, prior, given))
 
 
 def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:

@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.algorithm.filter import Filter, Given, Outcome, step
-from kalmanhdl.algorithm.memory import Kept, Kind, Memory
+from kalmanhdl.algorithm.memory import Kind, Memory
 from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import Flag, Graph, Input, State
 from kalmanhdl.graph.signal import Signal, is_zero
 from kalmanhdl.graph.simplify import simplified
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 
 Pattern = dict[str, NDArray[np.bool_]]
 
 
-def trace(model: LinearModel, filter_: Filter) -> Graph:
+def trace(model: Model, filter_: Filter) -> Graph:
     """The graph of one step, simplified, with the zeros of the memory that no step fills left out.
 
     States are what the filter keeps, such as ``x[i]`` and the upper triangle ``P[i,j]``; outputs
@@ -31,7 +31,7 @@ def trace(model: LinearModel, filter_: Filter) -> Graph:
         pattern = filled
 
 
-def _started(model: LinearModel, filter_: Filter) -> Pattern:
+def _started(model: Model, filter_: Filter) -> Pattern:
     """The elements that are not zero in a memory that has just started; every mean may be any number."""
     builder = Builder()
     everything = {kept.name: np.ones(kept.shape, bool) for kept in filter_.kept}
@@ -47,13 +47,13 @@ def _filled(array: NDArray[Any]) -> NDArray[np.bool_]:
     return result
 
 
-def _traced(model: LinearModel, filter_: Filter, pattern: Pattern) -> tuple[Graph, Pattern]:
+def _traced(model: Model, filter_: Filter, pattern: Pattern) -> tuple[Graph, Pattern]:
     """The graph when the memory has a pattern of elements, and that pattern with those a step fills."""
     builder = Builder()
     memory = _states(builder, filter_, pattern)
     outcome = step(filter_, memory, _inputs(builder, model))
     filled = {name: pattern[name] | _filled(array) for name, array in outcome.memory.items()}
-    states, outputs = _results(builder, filter_.kept, outcome, pattern)
+    states, outputs = _results(builder, filter_, outcome, pattern)
     live = _live(builder, states, outputs)
     return simplified(builder.graph([s for s in states if s[0] in live], outputs)), filled
 
@@ -71,7 +71,7 @@ def _states(builder: Builder, filter_: Filter, pattern: Pattern) -> Memory:
     }
 
 
-def _inputs(builder: Builder, model: LinearModel) -> Given:
+def _inputs(builder: Builder, model: Model) -> Given:
     return Given(
         z=np.array([_leaf(builder, Input(f"z[{j}]")) for j in range(model.m)], object),
         valid=tuple(_leaf(builder, Flag(f"valid[{j}]")) for j in range(model.m)),
@@ -89,15 +89,13 @@ def _leaf(builder: Builder, operation: Input | State | Flag) -> Signal:
 Named = list[tuple[str, int]]
 
 
-def _results(
-    builder: Builder, kept: tuple[Kept, ...], outcome: Outcome, pattern: Pattern
-) -> tuple[Named, Named]:
+def _results(builder: Builder, filter_: Filter, outcome: Outcome, pattern: Pattern) -> tuple[Named, Named]:
     def index(value: object) -> int:
         return value.index if isinstance(value, Signal) else builder.constant(float(value))  # type: ignore[arg-type]
 
     states = [
         (each.element(place), index(outcome.memory[each.name][place]))
-        for each in kept
+        for each in filter_.kept
         for place in each.places()
         if pattern[each.name][place]
     ]
@@ -107,6 +105,12 @@ def _results(
     outputs = [(f"x[{i}]", index(value)) for i, value in enumerate(x)]
     outputs += [(f"P[{i},{i}]", index(P[i, i])) for i in range(len(x))]
     outputs += [(f"innovation[{j}]", index(y)) for j, y in enumerate(outcome.innovation)]
+    outputs += [
+        (each.element(place), index(outcome.memory[each.name][place]))
+        for each in filter_.kept
+        if each.name in filter_.shown
+        for place in each.places()
+    ]
     return states, [*outputs, ("nis", nis)]
 
 
@@ -123,16 +127,23 @@ def _live(builder: Builder, states: Named, outputs: Named) -> set[str]:
 
 
 def components(graph: Graph) -> tuple[tuple[str, ...], ...]:
-    """The decoupled parts of a filter: groups of states ``x[i]`` that never influence each other."""
+    """The decoupled parts of a filter: groups of outputs ``x[i]`` that never influence each other."""
     groups: list[set[str]] = []
-    for name, root in graph.states:
+    means = [(_MEAN + name, index) for name, index in graph.outputs if name.startswith("x[")]
+    for name, root in (*graph.states, *means):
         seen = reachable(graph.operations, [root])
         touched = {op.name for k in seen if isinstance(op := graph.operations[k], State)} | {name}
         joined = [group for group in groups if group & touched]
         groups = [group for group in groups if not group & touched]
         groups.append(touched.union(*joined))
-    means = [tuple(sorted((s for s in group if s.startswith("x[")), key=_number)) for group in groups]
-    return tuple(sorted((group for group in means if group), key=lambda group: _number(group[0])))
+    found = [
+        sorted((s.removeprefix(_MEAN) for s in group if s.startswith(_MEAN)), key=_number) for group in groups
+    ]
+    return tuple(sorted((tuple(group) for group in found if group), key=lambda group: _number(group[0])))
+
+
+# Tells an output from a state of the same name.
+_MEAN = "output "
 
 
 def _number(name: str) -> int:

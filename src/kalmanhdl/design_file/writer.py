@@ -11,6 +11,7 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import OutputError
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.numerics.specification import FixedSpecification, Form
 
@@ -37,8 +38,7 @@ def dumps(design: Design) -> str:
     """
     blocks = [
         [f"name = {_text(design.name)}"],
-        _model(design.model),
-        _initial(design.model.initial),
+        *_model(design.model),
         ["[algorithm]", f"kind = {_text(design.algorithm.kind)}"],
         _numerics(design.numerics),
         _signals(design.numerics),
@@ -48,7 +48,12 @@ def dumps(design: Design) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
-def _model(model: LinearModel) -> Lines:
+def _model(model: Model) -> list[Lines]:
+    assert isinstance(model, LinearModel), model.kind
+    return [_linear(model), _initial(model.initial)]
+
+
+def _linear(model: LinearModel) -> Lines:
     lines = ["[model]", 'kind = "linear"', f"state = {_texts(model.state_names)}"]
     if any(model.state_units):
         lines.append(f"unit = {_texts(model.state_units)}")

@@ -6,12 +6,16 @@ z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kalmanhdl.graph.signal import Array as Elements
 from kalmanhdl.model import checks
+from kalmanhdl.model.model import Seen, driven, root
+from kalmanhdl.model.units import Units, divided
 from kalmanhdl.validation import KalmanhdlWarning
 
 Array = NDArray[np.float64]
@@ -38,6 +42,32 @@ class Initial:
     before_update: bool
     from_control: Array | None = None
 
+    @property
+    def takes_measurements(self) -> bool:
+        """Whether the start needs rows whose measurements are complete."""
+        return bool(np.any(self.from_measurement))
+
+    def mean(self, x: Elements, z: Elements, u: Elements) -> Elements:
+        """The mean (n,) that ``initialise`` makes, over elements."""
+        mean: Elements = self.x.astype(object) + self.from_measurement.astype(object) @ z
+        if np.any(self.from_state):
+            mean = mean + self.from_state.astype(object) @ x
+        if self.from_control is not None:
+            mean = mean + self.from_control.astype(object) @ u
+        return mean
+
+    def in_units(self, units: Units) -> "Initial":
+        """The same start in other units."""
+        d, e, g = units.state, units.measurement, units.control
+        return replace(
+            self,
+            x=self.x / d,
+            from_measurement=self.from_measurement * e / d[:, None],
+            from_state=self.from_state * d / d[:, None],
+            P=divided(self.P, d, units.covariance),
+            from_control=None if self.from_control is None else self.from_control * g / d[:, None],
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dynamics:
@@ -59,6 +89,9 @@ InitialRule = Callable[[Dynamics], Initial]
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearModel:
     """What is estimated. Shapes: F (n, n), H (m, n), Q (n, n), R (m, m), B (n, p), p may be 0."""
+
+    kind: ClassVar[str] = "linear"
+    suited: ClassVar[tuple[str, ...]] = ("conventional", "joseph")
 
     F: Array
     H: Array
@@ -92,6 +125,71 @@ class LinearModel:
     def p(self) -> int:
         """Number of controls."""
         return int(self.B.shape[1])
+
+    @property
+    def seen(self) -> dict[int, Seen]:
+        """The measurements that are one state times a number, plus an offset."""
+        return {
+            j: Seen(state=int(i[0]), factor=float(row[i[0]]), offset=float(self.measurement_offset[j]))
+            for j, row in enumerate(self.H)
+            if len(i := np.flatnonzero(row)) == 1
+        }
+
+    @property
+    def dependence(self) -> NDArray[np.bool_]:
+        """Which states each measurement depends on. Shape (m, n)."""
+        return np.asarray(self.H != 0)
+
+    def transition(self, x: Elements, u: Elements) -> Elements:
+        """F x + B u + offset."""
+        moved: Elements = self.F.astype(object) @ x + self.offset.astype(object)
+        if self.p:
+            moved = moved + self.B.astype(object) @ u
+        return moved
+
+    def observation(self, x: Elements) -> Elements:
+        """H x + measurement_offset."""
+        return np.asarray(self.H.astype(object) @ x + self.measurement_offset.astype(object))
+
+    def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
+        """The mean of ``initial``, and its P."""
+        return self.initial.mean(x, z, u), self.initial.P.astype(object)
+
+    def first_states(self, random: np.random.Generator, tracks: int) -> Array:
+        """True states at the first plot: drawn from the given belief, or anywhere in the declared ranges."""
+        initial = self.initial
+        x = initial.x + random.standard_normal((tracks, self.n)) @ root(initial.P).T
+        if self.measurement_range is None:
+            return x
+        low, high = self.measurement_range.T
+        z = low + (high - low) * random.random((tracks, self.m))
+        if initial.before_update:
+            return x
+        wrong = z - (x @ self.H.T + self.measurement_offset)
+        return np.asarray(x + wrong @ np.linalg.pinv(self.H).T)
+
+    def trajectories(self, x: Array, u: Array, noise: Array, random: np.random.Generator) -> Array:
+        """True states (steps, tracks, n) that begin with x; see ``model.model.Model``."""
+        return driven(self, x, u, noise)
+
+    def in_units(self, units: Units) -> "LinearModel":
+        """The same model in other units."""
+        d, e, g = units.state, units.measurement, units.control
+        measured = units.of_measured(self.dependence)
+        limits = self.measurement_range
+        return replace(
+            self,
+            F=self.F * d / d[:, None],
+            H=self.H * d / e[:, None],
+            Q=divided(self.Q, d, units.covariance),
+            R=divided(self.R, e, measured),
+            B=self.B * g / d[:, None],
+            offset=self.offset / d,
+            measurement_offset=self.measurement_offset / e,
+            initial=self.initial.in_units(units),
+            measurement_range=None if limits is None else limits / e[:, None],
+            nis_weight=None if np.all(measured == 1.0) else 1.0 / measured,
+        )
 
 
 def linear_model(

@@ -1,6 +1,7 @@
 """From a model and an algorithm to the integers of one step."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +10,10 @@ from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.trace import trace
 from kalmanhdl.graph.balance import balanced
 from kalmanhdl.graph.operations import Graph
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.quantise import quantise
 from kalmanhdl.numerics.ranges import Plots, observed, simulated
-from kalmanhdl.numerics.scaling import Scaling, scaled
+from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.numerics.units import units
@@ -28,19 +29,26 @@ class Numbers:
     typed: TypedGraph
 
 
-def numbers(model: LinearModel, algorithm: Algorithm, specification: FixedSpecification) -> Numbers:
+def numbers(model: Model, algorithm: Algorithm, specification: FixedSpecification) -> Numbers:
     """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
     plots = simulated(model, specification.coast)
     _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
     scaling = units(model, algorithm(model), specification, plots)
-    inner = scaled(model, scaling)
-    for name in ("F", "H", "Q", "R", "B"):
-        _check_finite(getattr(inner, name), "scale", f"{name} in these units is no finite number")
+    inner = model.in_units(scaling)
+    for name, array in _arrays(inner):
+        _check_finite(array, "scale", f"{name} in these units is no finite number")
     filter_ = algorithm.in_units(model, scaling.covariances())(inner)
     graph = balanced(trace(inner, filter_))
     ranges = observed(graph, inner, in_units(plots, scaling))
     typed = quantise(graph, ranges, specification, scaling.units(filter_.kept))
     return Numbers(scaling=scaling, graph=graph, typed=typed)
+
+
+def _arrays(model: Model) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    for field in fields(model):
+        value = getattr(model, field.name)
+        if isinstance(value, np.ndarray):
+            yield field.name, value
 
 
 def _check_finite(array: NDArray[np.float64], key: str, problem: str) -> None:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
 from kalmanhdl.graph.operations import And, Flag, Graph, Not, Or, Select, operands
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model, root
 
 Array = NDArray[np.float64]
 
@@ -38,26 +39,24 @@ class Ranges:
     high: tuple[float, ...]
 
 
-def simulated(
-    model: LinearModel, coast: int, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED
-) -> Plots:
-    """Tracks drawn from the model: truth by F and Q, plots by H and R, with missed ones among them.
+def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED) -> Plots:
+    """Tracks drawn from the model: truth with its noise, plots with theirs, and missed ones among them.
 
     No component is missed more than ``coast`` times in a row, and in some tracks all are so often.
     A track counts for as long as its plots stay within the model's declared ranges. Controls, whose law
     the model does not know, are standard normal in the units of the model.
     """
     random = np.random.default_rng(seed)
-    x = _started(model, random, tracks)
-    noise, spread = _root(model.Q), _root(model.R)
-    z, u = np.zeros((steps, tracks, model.m)), np.zeros((steps, tracks, model.p))
+    x, spread = model.first_states(random, tracks), root(model.R)
+    u, noise = np.zeros((steps, tracks, model.p)), np.zeros((steps, tracks, len(model.Q)))
+    error = np.zeros((steps, tracks, model.m))
     for k in range(steps):
         u[k] = random.standard_normal((tracks, model.p))
         if k:
-            drift = random.standard_normal((tracks, model.n)) @ noise.T
-            x = x @ model.F.T + u[k] @ model.B.T + model.offset + drift
-        error = random.standard_normal((tracks, model.m)) @ spread.T
-        z[k] = x @ model.H.T + model.measurement_offset + error
+            noise[k] = random.standard_normal((tracks, len(model.Q)))
+        error[k] = random.standard_normal((tracks, model.m)) @ spread.T
+    truth = model.trajectories(x, u, noise, random)
+    z = rows(model.observation(elements(truth)), (steps, tracks)) + error
     relevant = np.ones((steps, tracks), bool)
     if model.measurement_range is not None:
         low, high = model.measurement_range.T
@@ -66,7 +65,7 @@ def simulated(
     return Plots(z=z, u=u, valid=_valid(model, random, steps, tracks, coast), relevant=relevant)
 
 
-def observed(graph: Graph, model: LinearModel, plots: Plots) -> Ranges:
+def observed(graph: Graph, model: Model, plots: Plots) -> Ranges:
     """The range of every operation of the graph of ``model`` over plots.
 
     What ``initialise`` computes counts only in the last of a track's starting commands, everything else
@@ -148,21 +147,8 @@ def _known_flags(graph: Graph, initialise: bool) -> dict[int, bool]:
     return known
 
 
-def _started(model: LinearModel, random: np.random.Generator, tracks: int) -> Array:
-    """True states at the first plot: drawn from the given belief, or anywhere in the declared ranges."""
-    initial = model.initial
-    x = initial.x + random.standard_normal((tracks, model.n)) @ _root(initial.P).T
-    if model.measurement_range is None:
-        return x
-    low, high = model.measurement_range.T
-    z = low + (high - low) * random.random((tracks, model.m))
-    inverse = np.linalg.pinv(model.H)
-    wrong = z - (x @ model.H.T + model.measurement_offset)
-    return x + wrong @ inverse.T if not initial.before_update else x
-
-
 def _valid(
-    model: LinearModel, random: np.random.Generator, steps: int, tracks: int, coast: int
+    model: Model, random: np.random.Generator, steps: int, tracks: int, coast: int
 ) -> NDArray[np.bool_]:
     valid = np.ones((steps, tracks, model.m), bool)
     half, begin = tracks // 2, steps // 2
@@ -176,9 +162,3 @@ def _valid(
         row |= missed >= coast
         missed = np.where(row, 0, missed + 1)
     return valid
-
-
-def _root(covariance: Array) -> Array:
-    """A with A A' = covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

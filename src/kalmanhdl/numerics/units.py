@@ -9,7 +9,7 @@ from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Graph
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import Plots, Ranges, observed
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -18,7 +18,7 @@ from kalmanhdl.validation import InvalidValueError
 Array = NDArray[np.float64]
 
 
-def units(model: LinearModel, filter_: Filter, specification: FixedSpecification, plots: Plots) -> Scaling:
+def units(model: Model, filter_: Filter, specification: FixedSpecification, plots: Plots) -> Scaling:
     """The scaling a design asks for.
 
     "auto": one unit of a state is the power of two that brings its values over the plots just inside
@@ -74,19 +74,20 @@ def _power(value: float) -> float:
     return 2.0 ** (exponent - (mantissa == 0.5)) if value > 0 else 1.0
 
 
-def _measurement_units(model: LinearModel, state: Array, plots: Plots) -> Array:
-    units = np.empty(model.m)
-    for j, row in enumerate(model.H):
-        seen = np.flatnonzero(row)
-        if len(seen) == 1:
-            units[j] = state[seen[0]] * _power(abs(row[seen[0]]))
-        else:
-            units[j] = _power(float(np.abs(plots.z[..., j]).max()))
-    return units
+def _measurement_units(model: Model, state: Array, plots: Plots) -> Array:
+    seen = model.seen
+    return np.array(
+        [
+            state[seen[j].state] * _power(abs(seen[j].factor))
+            if j in seen
+            else _power(float(np.abs(plots.z[..., j]).max()))
+            for j in range(model.m)
+        ]
+    )
 
 
 def _covariance_units(
-    model: LinearModel,
+    model: Model,
     parts: tuple[tuple[str, ...], ...],
     measurement: Array,
     specification: FixedSpecification,
@@ -98,13 +99,13 @@ def _covariance_units(
         return given
     result = np.ones(model.n)
     for states in groups:
-        seen = [j for j in range(model.m) if np.any(model.H[j, states])]
-        if seen:
+        seen = np.flatnonzero(model.dependence[:, states].any(axis=1))
+        if len(seen):
             result[states] = model.R[seen[0], seen[0]] / measurement[seen[0]] ** 2
     return result
 
 
-def _check_equal(given: Array, groups: list[list[int]], model: LinearModel) -> None:
+def _check_equal(given: Array, groups: list[list[int]], model: Model) -> None:
     for states in groups:
         if len(set(given[states])) > 1:
             names = ", ".join(model.state_names[i] for i in states)

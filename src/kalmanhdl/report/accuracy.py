@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.simulate.metrics import Consistency, chi_square_quantile, rmse
@@ -33,13 +34,15 @@ class Differencing:
     rmse_bitexact: float
 
 
-def rate_sources(model: LinearModel) -> dict[int, tuple[int, int]]:
+def rate_sources(model: Model) -> dict[int, tuple[int, int]]:
     """The states that are the rate of a measured one, each with that measurement and the measured state.
 
     State i is the rate of state p where F carries i into p directly, not by way of a third state, which
     would make it an acceleration.
     """
     found: dict[int, tuple[int, int]] = {}
+    if not isinstance(model, LinearModel):
+        return found
     for j, p in measured_states(model).items():
         carried = [i for i in np.flatnonzero(model.F[p]) if i != p]
         for i in carried:
@@ -49,20 +52,19 @@ def rate_sources(model: LinearModel) -> dict[int, tuple[int, int]]:
     return dict(sorted(found.items()))
 
 
-def measured_states(model: LinearModel) -> dict[int, int]:
+def measured_states(model: Model) -> dict[int, int]:
     """The measurements of a single state, each with that state."""
-    columns = {j: np.flatnonzero(row) for j, row in enumerate(model.H)}
-    return {j: int(seen[0]) for j, seen in columns.items() if len(seen) == 1}
+    return {j: seen.state for j, seen in model.seen.items()}
 
 
-def differencing(model: LinearModel, simulation: Simulation) -> tuple[Differencing, ...]:
+def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ...]:
     """Two-point differencing of every measured rate whose truth is known.
 
     A difference of two successive plots is divided by the time between them, or by the T that stands in
     F where the data has no times.
     """
     truth = simulation.plots.truth
-    if truth is None:
+    if truth is None or not isinstance(model, LinearModel):
         return ()
     found = []
     for i, (j, p) in rate_sources(model).items():
@@ -84,10 +86,16 @@ def differencing(model: LinearModel, simulation: Simulation) -> tuple[Differenci
     return tuple(found)
 
 
+def states_shown(model: Model, z: Array, j: int) -> Array:
+    """The states that plots of a measurement of one state show. Shapes (..., m) and (...)."""
+    seen = model.seen[j]
+    return np.asarray((z[..., j] - seen.offset) / seen.factor)
+
+
 def plot_rates(model: LinearModel, simulation: Simulation, i: int, j: int, p: int) -> Array:
     """The rate i of state p from each plot j and the one before it, NaN where one is missed."""
     plots = simulation.plots
-    position = (plots.z[..., j] - model.measurement_offset[j]) / model.H[j, p]
+    position = states_shown(model, plots.z, j)
     rate = np.full(position.shape, np.nan)
     passed = np.diff(plots.time, axis=0) if plots.time is not None else model.F[p, i]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -7,7 +7,8 @@ from bokeh.models import ColumnDataSource, CustomJSTickFormatter, HoverTool, Ran
 from bokeh.plotting import figure as bokeh_figure
 from numpy.typing import NDArray
 
-from kalmanhdl.report.accuracy import featured, measured_states, updated
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.report.accuracy import featured, measured_states, states_shown, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
 from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, label, plane, points, seen_pair, with_unit
@@ -100,7 +101,7 @@ def state_figure(record: Record, simulation: Simulation, state: int, height: int
     drawn.varea(x, value - half, value + half, color=BLUE, fill_alpha=0.15, legend_label="estimate ± 1.96 σ")
     for j, p in measured_states(model).items():
         if p == state:
-            plot = (simulation.plots.z[rows, track, j] - model.measurement_offset[j]) / model.H[j, p]
+            plot = states_shown(model, simulation.plots.z[rows, track], j)
             drawn.scatter(x, plot, size=4, color=AMBER, alpha=0.85, line_color=None, legend_label="plots")
     if simulation.plots.truth is not None:
         drawn.line(
@@ -111,23 +112,23 @@ def state_figure(record: Record, simulation: Simulation, state: int, height: int
 
 
 def innovation_figure(record: Record, simulation: Simulation, j: int) -> object:
-    """One innovation of the featured track with the band that holds 95 % if the model is right."""
+    """One innovation of the featured track; of a linear model in its band of 95 %."""
     model = record.hardware.design.model
     rows, track, x, title = _axis(simulation)
-    S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))
-    half = 1.96 * np.sqrt(S[rows, track, j, j])
     used = updated(simulation, model.initial.before_update)[rows, track, j]
     value = np.where(used, simulation.exact.innovation[rows, track, j], np.nan)
     drawn = _figure(title, _measured(record, j), height=230)
-    drawn.varea(x, -half, half, color=GREY, fill_alpha=0.2, legend_label="± 1.96 √S")
+    if isinstance(model, LinearModel):
+        S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))
+        half = 1.96 * np.sqrt(S[rows, track, j, j])
+        drawn.varea(x, -half, half, color=GREY, fill_alpha=0.2, legend_label="± 1.96 √S")
     drawn.line(x, value, color=BLUE, line_width=1, line_alpha=0.6)
     drawn.scatter(x, value, size=4.5, color=BLUE, line_color=None, legend_label="innovation")
     return _finished(drawn)
 
 
-def inside_band(record: Record, simulation: Simulation, j: int) -> tuple[int, int]:
+def inside_band(model: LinearModel, simulation: Simulation, j: int) -> tuple[int, int]:
     """How many innovations of all tracks lie in their 95 % band, and of how many."""
-    model = record.hardware.design.model
     S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))[..., j, j]
     value = simulation.exact.innovation[..., j]
     counted = updated(simulation, model.initial.before_update)[..., j] & np.isfinite(S)
@@ -149,9 +150,8 @@ def deviation_figure(record: Record, simulation: Simulation) -> object:
     return _finished(drawn, columns=2)
 
 
-def gain_figure(record: Record, simulation: Simulation) -> object:
+def gain_figure(model: LinearModel, simulation: Simulation) -> object:
     """The gains of the featured track that their covariances mean: reference and bit-exact."""
-    model = record.hardware.design.model
     rows, track, x, title = _axis(simulation)
     used = updated(simulation, model.initial.before_update)[rows, track]
     both = [
@@ -224,8 +224,8 @@ def _cycles(start: int, end: int) -> str:
 
 def _measured(record: Record, j: int) -> str:
     model = record.hardware.design.model
-    state = measured_states(model).get(j)
-    unit = model.state_units[state] if state is not None and model.H[j, state] == 1 else ""
+    seen = model.seen.get(j)
+    unit = model.state_units[seen.state] if seen is not None and seen.factor == 1 else ""
     return with_unit(f"innovation of {model.measurement_names[j]}", unit)
 
 

@@ -8,8 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.report.accuracy import measured_states, rate_sources
+from kalmanhdl.model.model import Model
+from kalmanhdl.report.accuracy import measured_states, rate_sources, states_shown
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Plane:
     radians: float = 1.0
 
 
-def plane(model: LinearModel) -> Plane:
+def plane(model: Model) -> Plane:
     """The plane of a model's track.
 
     Range and bearing by their names, else the first two measured states of one unit that are not rates
@@ -62,7 +62,7 @@ def plane(model: LinearModel) -> Plane:
     )
 
 
-def label(model: LinearModel, state: int) -> str:
+def label(model: Model, state: int) -> str:
     """A state with its unit, in words."""
     return with_unit(model.state_names[state], model.state_units[state])
 
@@ -73,7 +73,7 @@ def with_unit(name: str, unit: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def _polar(model: LinearModel, seen: list[tuple[int, int]]) -> Plane | None:
+def _polar(model: Model, seen: list[tuple[int, int]]) -> Plane | None:
     rates = rate_sources(model)
     named = [(p, j, model.state_names[p]) for p, j in seen if p not in rates]
     distance = next(((p, j) for p, j, name in named if _DISTANCE.search(name)), None)
@@ -99,11 +99,9 @@ def points(shown: Plane, pair: Array) -> Array:
     return np.stack([r * np.sin(angle), r * np.cos(angle)], axis=-1)
 
 
-def seen_pair(model: LinearModel, shown: Plane, z: Array) -> Array:
+def seen_pair(model: Model, shown: Plane, z: Array) -> Array:
     """The states that plots show by themselves. Shapes (..., m) and (..., number of states on the plane)."""
-    pairs = zip(shown.measurements, shown.states, strict=True)
-    columns = [(z[..., j] - model.measurement_offset[j]) / model.H[j, p] for j, p in pairs]
-    return np.stack(columns, axis=-1)
+    return np.stack([states_shown(model, z, j) for j in shown.measurements], axis=-1)
 
 
 def ellipse(shown: Plane, x: Array, P: Array, corners: int = 40) -> Array:

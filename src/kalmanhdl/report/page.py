@@ -9,6 +9,7 @@ from bokeh.resources import Resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from kalmanhdl import __version__
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.report import figures
 from kalmanhdl.report.accuracy import featured
@@ -69,8 +70,9 @@ def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:
     drawn = {
         "track": figures.track_figure(record, simulation),
         "deviation": figures.deviation_figure(record, simulation),
-        "gain": figures.gain_figure(record, simulation),
     }
+    # Gains follow from covariances where F and H are constant.
+    drawn |= {"gain": figures.gain_figure(model, simulation)} if isinstance(model, LinearModel) else {}
     tracks = figures.tracks_figure(record, simulation)
     drawn |= {} if tracks is None else {"tracks": tracks}
     drawn |= {f"state{i}": figures.state_figure(record, simulation, i) for i in shown}
@@ -79,7 +81,7 @@ def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:
     return drawn | {f"innovation{j}": figures.innovation_figure(record, simulation, j) for j in measured}
 
 
-def _quantities(model: LinearModel) -> dict[str, str]:
+def _quantities(model: Model) -> dict[str, str]:
     """What stands behind the letters of inputs, states and outputs."""
     named = enumerate(zip(model.state_names, model.state_units, strict=True))
     names = {f"x[{i}]": with_unit(name, unit) for i, (name, unit) in named}
@@ -107,5 +109,7 @@ def _captions(record: Record) -> dict[str, Any]:
         "polar": plane(model).kind is Kind.POLAR,
         "plane": plane(model).kind is not Kind.TIME,
         "truth": simulation.plots.truth is not None,
-        "inside": [figures.inside_band(record, simulation, j) for j in range(model.m)],
+        "inside": [figures.inside_band(model, simulation, j) for j in range(model.m)]
+        if isinstance(model, LinearModel)
+        else None,
     }

@@ -5,7 +5,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 
 
 class Command(IntEnum):
@@ -17,7 +17,7 @@ class Command(IntEnum):
     UPDATE = 2
 
 
-def commands(model: LinearModel, z: NDArray[np.float64], active: NDArray[np.bool_]) -> NDArray[np.int8]:
+def commands(model: Model, z: NDArray[np.float64], active: NDArray[np.bool_]) -> NDArray[np.int8]:
     """The commands for rows of data. Shapes: z (steps, tracks, m), NaN where missed; others (steps, tracks).
 
     A track starts with its first row, or, where the start takes measurements, with the first complete
@@ -34,8 +34,8 @@ def commands(model: LinearModel, z: NDArray[np.float64], active: NDArray[np.bool
     return result.astype(np.int8)
 
 
-def _start(model: LinearModel, complete: NDArray[np.bool_]) -> int:
-    if not np.any(model.initial.from_measurement):
+def _start(model: Model, complete: NDArray[np.bool_]) -> int:
+    if not model.initial.takes_measurements:
         return 0
     points = model.initial.points
     for begin in range(len(complete) - points + 1):
@@ -44,7 +44,7 @@ def _start(model: LinearModel, complete: NDArray[np.bool_]) -> int:
     return len(complete)
 
 
-def started(model: LinearModel, given: NDArray[np.int8]) -> NDArray[np.bool_]:
+def started(model: Model, given: NDArray[np.int8]) -> NDArray[np.bool_]:
     """Where there is an estimate: from the last command ``initialise`` of a track's start on."""
     initialised = np.cumsum(given == Command.INITIALISE, axis=0)
     return np.asarray((initialised >= model.initial.points) & (given != Command.NONE))

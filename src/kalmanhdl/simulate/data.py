@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.errors import DataError
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.validation import nearest, shown
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Plots:
     truth: Array | None
 
 
-def read_plots(path: str | Path, model: LinearModel) -> Plots:
+def read_plots(path: str | Path, model: Model) -> Plots:
     """The plots of a CSV or Parquet file (by its suffix) for a model.
 
     Columns: the measurements and controls by name; optional ``track``, ``time`` (s) and
@@ -59,7 +59,7 @@ def read_plots(path: str | Path, model: LinearModel) -> Plots:
     return _arranged(table, model)
 
 
-def plots_from_arrays(z: ArrayLike, model: LinearModel, u: ArrayLike | None = None) -> Plots:
+def plots_from_arrays(z: ArrayLike, model: Model, u: ArrayLike | None = None) -> Plots:
     """The plots of arrays: z (steps, m) for one track or (steps, tracks, m), NaN where missed; u alike.
 
     Raises:
@@ -219,7 +219,7 @@ def _parquet(path: Path, name: str) -> _Table:
     return _Table(name, columns, table.num_rows, lambda row: f"row {row + 1}")
 
 
-def _arranged(table: _Table, model: LinearModel) -> Plots:
+def _arranged(table: _Table, model: Model) -> Plots:
     truths = _truth_columns(table, model)
     measured = [_required(table, name, "measurement") for name in model.measurement_names]
     controls = [_required(table, name, "control") for name in model.control_names]
@@ -263,7 +263,7 @@ def _required(table: _Table, column: str, kind: str) -> Array:
     return table.numbers(column)
 
 
-def _truth_columns(table: _Table, model: LinearModel) -> list[Array]:
+def _truth_columns(table: _Table, model: Model) -> list[Array]:
     """One column per state, NaN where the table has none; no columns at all if it has no truth."""
     wanted = [f"truth_{state}" for state in model.state_names]
     for column in table.columns:

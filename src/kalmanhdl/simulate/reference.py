@@ -1,13 +1,13 @@
 """The double-precision reference: the algorithm itself, run on floats."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.algorithm.filter import Filter, Given, step
 from kalmanhdl.algorithm.memory import Kept, Memory
+from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.simulate.commands import Command
 
 Array = NDArray[np.float64]
@@ -43,9 +43,9 @@ def reference(filter_: Filter, given: NDArray[np.int8], z: Array, u: Array) -> E
         with np.errstate(all="ignore"):
             outcome = step(filter_, memory, _data(z[k], u[k], given[k]))
         memory = _kept(filter_.kept, acts, outcome.memory, memory)
-        x[k, acts] = _array(outcome.belief.x, tracks)[acts]
-        P[k, acts] = _array(outcome.belief.P, tracks)[acts]
-        innovation[k, acts] = _array(outcome.innovation, tracks)[acts]
+        x[k, acts] = rows(outcome.belief.x, (tracks,))[acts]
+        P[k, acts] = rows(outcome.belief.P, (tracks,))[acts]
+        innovation[k, acts] = rows(outcome.innovation, (tracks,))[acts]
         nis[k, acts] = np.broadcast_to(np.asarray(outcome.nis, float), tracks)[acts]
     return Estimates(x=x, P=P, innovation=innovation, nis=nis)
 
@@ -61,24 +61,8 @@ def _data(z: Array, u: Array, given: NDArray[np.int8]) -> Given:
     seen = ~np.isnan(z) & (given != Command.PREDICT)[:, None]
     filled = np.nan_to_num(z)
     return Given(
-        z=_objects(filled),
+        z=elements(filled),
         valid=tuple(seen.T),
-        u=_objects(u),
+        u=elements(u),
         initialise=given == Command.INITIALISE,
     )
-
-
-def _objects(rows: Array) -> NDArray[Any]:
-    """(tracks, k) to k elements that are arrays over tracks."""
-    result = np.empty(rows.shape[1], object)
-    for element, column in enumerate(rows.T):
-        result[element] = column
-    return result
-
-
-def _array(elements: NDArray[Any], tracks: int) -> Array:
-    """Elements, floats or arrays over tracks, as one array with the tracks in front."""
-    result = np.empty((tracks, *elements.shape))
-    for place in np.ndindex(*elements.shape):
-        result[(slice(None), *place)] = elements[place]
-    return result

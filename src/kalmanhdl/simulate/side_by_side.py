@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Input
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate.commands import Command, commands, started
@@ -50,7 +50,7 @@ class Simulation:
         return sum(self.trace.violations.values())
 
 
-def simulate(model: LinearModel, filter_: Filter, numbers: Numbers, plots: Plots) -> Simulation:
+def simulate(model: Model, filter_: Filter, numbers: Numbers, plots: Plots) -> Simulation:
     """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
     stimulus = stimulus_of(model, numbers.typed, plots)
     given = stimulus.commands
@@ -77,7 +77,7 @@ def _run(typed: TypedGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Tra
     )
 
 
-def stimulus_of(model: LinearModel, typed: TypedGraph, plots: Plots) -> Stimulus:
+def stimulus_of(model: Model, typed: TypedGraph, plots: Plots) -> Stimulus:
     """Plots as the hardware takes them, rounded to the nearest raw integer of their formats."""
     given = commands(model, plots.z, plots.active)
     values = {f"z[{j}]": plots.z[..., j] for j in range(model.m)}
@@ -110,7 +110,7 @@ def real(raws: Integers, form: Fixed, scale: float) -> Array:
     return np.ldexp(np.asarray(raws, np.float64), -form.fraction) * scale
 
 
-def _estimates(model: LinearModel, filter_: Filter, typed: TypedGraph, trace: Trace) -> Estimates:
+def _estimates(model: Model, filter_: Filter, typed: TypedGraph, trace: Trace) -> Estimates:
     roots = {**dict(typed.graph.states), **dict(typed.graph.outputs)}
 
     def values(name: str, raws: Integers) -> Array:

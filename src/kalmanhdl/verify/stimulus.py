@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Flag, Input
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import STEPS, simulated
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate.commands import Command, commands
@@ -40,7 +40,7 @@ class Steps:
         return np.asarray(self.commands != Command.NONE)
 
 
-def from_plots(model: LinearModel, typed: TypedGraph, plots: Plots, channels: int) -> Steps:
+def from_plots(model: Model, typed: TypedGraph, plots: Plots, channels: int) -> Steps:
     """The steps of data, row by row; more tracks than channels take turns, one group after the other."""
     stimulus = stimulus_of(model, typed, plots)
     given = _grouped(stimulus.commands, channels, Command.NONE)
@@ -61,7 +61,7 @@ def _grouped(array: NDArray[Any], channels: int, filling: int) -> NDArray[Any]:
     return wide.reshape(rows, groups, channels).swapaxes(0, 1).reshape(groups * rows, channels)
 
 
-def from_model(model: LinearModel, typed: TypedGraph, count: int, channels: int, seed: int) -> Steps:
+def from_model(model: Model, typed: TypedGraph, count: int, channels: int, seed: int) -> Steps:
     """``count`` steps of tracks that the model itself draws, started anew every few dozen rows."""
     rows = -(-count // channels)
     blocks = -(-rows // STEPS)
