@@ -32,6 +32,7 @@ FORMAT = st.builds(Fixed, width=st.integers(1, 99), fraction=st.integers(-99, 99
 VALUES = {
     "name": st.one_of(st.text(), st.sampled_from(("x[0]", "P[0,1]", "valid[1]", "a # b", "c : d", "e = f"))),
     "value": st.one_of(st.fractions(), st.floats(allow_nan=False, allow_infinity=False).map(Fraction)),
+    "rows": st.lists(st.fractions(), min_size=1, max_size=5).map(tuple),
     "exponent": st.integers(-99, 99),
     "function": st.sampled_from(Function),
     "form": FORMAT,

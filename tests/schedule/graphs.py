@@ -1,5 +1,6 @@
 """Typed graphs for tests: a small builder, random ones, and a filter loop written by hand."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 from hypothesis import strategies as st
@@ -10,12 +11,14 @@ from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, quantise
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Bits,
     Constant,
     Divide,
     Flag,
     Graph,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -27,7 +30,9 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
 )
+from kalmanhdl.numerics.interval import type_of
 from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
 
 
@@ -81,6 +86,17 @@ class Builder:
         if overflow is Overflow.WRAP and (ends[0][1] or ends[1][1]):
             low, high = form.lowest, form.highest
         return self._append(Quantise(a, form, rounding, overflow), form, low, high)
+
+    def bits(self, a: int, form: Fixed) -> int:
+        return self._append(Bits(a, form), form, form.lowest, form.highest)
+
+    def table(self, a: int, rows: list[int], fraction: int) -> int:
+        """The row that the lowest bits of a number name."""
+        bits, count = Fixed(width=2, fraction=self._form(a).fraction, signed=False), Fraction(2) ** -fraction
+        number = self.shift(self.bits(a, bits), bits.fraction)
+        scaled = tuple(row * count for row in rows)
+        form, interval = type_of(Table(0, scaled), [(self._form(number), Interval(low=0, high=3))], None)
+        return self._append(Table(number, scaled), form, interval.low, interval.high)
 
     def reciprocal(self, a: int, form: Fixed) -> int:
         """The reciprocal of a variance: the divisor is made positive first."""
@@ -185,7 +201,7 @@ def _grow(draw: st.DrawFn, builder: Builder, numbers: list[int], flags: list[int
     flag, other = draw(st.sampled_from(flags)), draw(st.sampled_from(flags))
     form, rounding = draw(formats), draw(st.sampled_from(Rounding))
     wide = max(bits_of(*builder._ends(k)) for k in (a, b))
-    match draw(st.sampled_from("+-*<s?qq/rofn")):
+    match draw(st.sampled_from("+-*<s?qq/rofnbtg")):
         case "+" | "-" as sign:
             numbers.append(builder.sum(Add if sign == "+" else Subtract, a, b))
         case "*" if wide < 60:
@@ -200,6 +216,15 @@ def _grow(draw: st.DrawFn, builder: Builder, numbers: list[int], flags: list[int
             numbers.append(builder.divide(a, b, form))
         case "r":
             numbers.append(builder.reciprocal(a, form))
+        case "b":
+            dropped = draw(st.integers(0, 4))
+            part = replace(form, fraction=builder._form(a).fraction - dropped)
+            numbers.append(builder.bits(a, part))
+        case "t":
+            rows = draw(st.lists(st.integers(-3000, 3000), min_size=4, max_size=6))
+            numbers.append(builder.table(a, rows, draw(st.integers(-2, 9))))
+        case "g":
+            flags.append(builder.flag(Negative(a)))
         case "o":
             flags.append(builder.flag(Outside(a, form, rounding)))
         case "f":

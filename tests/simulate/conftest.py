@@ -8,12 +8,14 @@ from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.graph.operations import (
     Add,
     And,
+    Bits,
     Constant,
     Divide,
     Flag,
     Graph,
     Input,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -25,7 +27,9 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
 )
+from kalmanhdl.numerics.interval import type_of
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 
 
@@ -114,6 +118,20 @@ class Builder:
         overflow: Overflow = Overflow.SATURATE,
     ) -> int:
         return self._add(Quantise(a, form, rounding, overflow), form)
+
+    def bits(self, a: int, form: Fixed) -> int:
+        return self._add(Bits(a, form), form)
+
+    def table(self, a: int, rows: tuple[int, ...], fraction: int) -> int:
+        scaled = tuple(Fraction(row) / Fraction(2) ** fraction for row in rows)
+        form, interval = type_of(Table(0, scaled), [self._type(a)], None)
+        return self._add(Table(a, scaled), form, interval)
+
+    def negative(self, a: int) -> int:
+        return self._add(Negative(a))
+
+    def _type(self, k: int) -> tuple[Fixed, Interval]:
+        return self.formats[k], self.intervals[k]
 
     def reciprocal(self, a: int, form: Fixed) -> int:
         return self._add(Reciprocal(a), form)

@@ -93,7 +93,7 @@ def _extend(b: Builder, random: Random, widest: int, numbers: list[int], flags: 
     f, g = random.choice(flags), random.choice(flags)
     form = _form(random, widest)
     short = b.formats[a].width + b.formats[c].width < 3 * widest + 40
-    match random.randrange(12):
+    match random.randrange(15):
         case 0 if short:
             numbers.append(b.add(a, c))
         case 1 if short:
@@ -112,6 +112,16 @@ def _extend(b: Builder, random: Random, widest: int, numbers: list[int], flags: 
             numbers.append(b.quantise(a, form, _rounding(random), _overflow(random)))
         case 10:
             flags.append(b.outside(a, form, _rounding(random)))
+        case 12:
+            fraction = b.formats[a].fraction - random.randint(0, 5)
+            numbers.append(b.bits(a, replace(form, fraction=fraction)))
+        case 13:
+            number = b.shift(b.bits(a, Fixed(width=3, fraction=form.fraction, signed=False)), form.fraction)
+            limit = 1 << random.randrange(widest)
+            rows = tuple(random.randint(-limit, limit) for _ in range(8))
+            numbers.append(b.table(number, rows, random.randint(-3, widest)))
+        case 14:
+            flags.append(b.negative(a))
         case 11:
             flags.append(random.choice((b.both, b.either))(f, g))
             flags.append(b.negate(flags[-1]))

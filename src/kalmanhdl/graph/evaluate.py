@@ -10,6 +10,7 @@ from kalmanhdl.graph.operations import (
     Add,
     And,
     Binary,
+    Bits,
     Constant,
     Divide,
     Flag,
@@ -28,6 +29,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
     Unary,
 )
 
@@ -66,10 +68,15 @@ def _value(operation: Operation, v: list[Any], leaves: Mapping[str, Any]) -> Any
             return value_of(function, v[a])
         case Binary(function, a, b):
             return value_of(function, v[a], v[b])
+        case Table(a, rows):
+            return np.array([float(row) for row in rows])[np.asarray(v[a], int)]
         case Select(flag, a, b):
             return np.where(v[flag], v[a], v[b])
         case Quantise(a):
             return v[a]
+        case Bits(a, form):
+            raw = np.floor(np.asarray(v[a]) / float(form.resolution))
+            return (np.mod(raw - form.lowest, 2.0**form.width) + form.lowest) * float(form.resolution)
         case Outside():
             return False
         case Negative(a):

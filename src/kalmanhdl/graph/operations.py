@@ -127,6 +127,14 @@ class Binary:
 
 
 @dataclass(frozen=True, slots=True)
+class Table:
+    """The row whose number is a, an integer from 0; rows are exact."""
+
+    a: int
+    rows: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Select:
     """a where the flag holds, else b."""
 
@@ -143,6 +151,14 @@ class Quantise:
     form: Fixed
     rounding: Rounding
     overflow: Overflow
+
+
+@dataclass(frozen=True, slots=True)
+class Bits:
+    """The bits of a that a format has, on purpose without the others: rounded down, modulo its range."""
+
+    a: int
+    form: Fixed
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,8 +212,10 @@ Number = (
     | Reciprocal
     | Unary
     | Binary
+    | Table
     | Select
     | Quantise
+    | Bits
 )
 Boolean = Flag | StateFlag | Outside | Negative | And | Or | Not
 Operation = Number | Boolean

@@ -186,6 +186,14 @@ def _parse_constant(text: str) -> Fraction:
     return Fraction(text) if "/" in text else Fraction(float(text))
 
 
+def _print_rows(rows: tuple[Fraction, ...]) -> str:
+    return ",".join(map(_print_constant, rows))
+
+
+def _parse_rows(text: str) -> tuple[Fraction, ...]:
+    return tuple(map(_parse_constant, text.split(",")))
+
+
 @dataclass(frozen=True, slots=True)
 class _Field:
     """How a field of an operation is written and read."""
@@ -200,6 +208,7 @@ _OPERAND = _Field(r"%\d+", "%0", lambda k: f"%{k}", lambda word: int(word[1:]))
 _FIELDS = {
     "name": _Field(_NAME, "x[0]", print_name, parse_name),
     "value": _Field(r"[-+.\w/]+", "0.5", _print_constant, _parse_constant),
+    "rows": _Field(r"[-+.\w/,]+", "0.5,0.25", _print_rows, _parse_rows),
     "exponent": _Field(r"-?\d+", "-3", str, int),
     "function": _Field(r"\w+", "sine", lambda function: function.value, Function),
     "form": _Field(_FORMAT, "fixed(16, fraction=8)", str, parse_format),

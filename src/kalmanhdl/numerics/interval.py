@@ -8,6 +8,7 @@ from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded
 from kalmanhdl.graph.operations import (
     Add,
     Binary,
+    Bits,
     Constant,
     Divide,
     Input,
@@ -19,6 +20,7 @@ from kalmanhdl.graph.operations import (
     Shift,
     State,
     Subtract,
+    Table,
     Unary,
 )
 from kalmanhdl.numerics.typed import Interval
@@ -54,6 +56,11 @@ def type_of(operation: Number, types: list[Typed | None], given: Fixed | None) -
         case Quantise(a, form, rounding, overflow):
             operand, interval = _known(types[a])
             return form, quantised(interval, operand.fraction, form, rounding, overflow)
+        case Bits(a, form):
+            operand, interval = _known(types[a])
+            return form, quantised(interval, operand.fraction, form, Rounding.FLOOR, Overflow.WRAP)
+        case Table(a, rows):
+            return _rows_type(_known(types[a]), rows)
         case Divide() | Reciprocal():
             assert given is not None
             return given, of_format(given)
@@ -71,6 +78,14 @@ def constant_type(value: Fraction) -> Typed:
         trailing = (raw & -raw).bit_length() - 1
         raw, fraction = raw >> trailing, fraction - trailing
     return _exact(raw, raw, fraction)
+
+
+def _rows_type(index: Typed, rows: tuple[Fraction, ...]) -> Typed:
+    form, interval = index
+    assert form.fraction == 0, f"{form} is no number of a row"
+    assert 0 <= interval.low <= interval.high < len(rows), f"rows {interval} of {len(rows)}"
+    fraction = max(row.denominator for row in rows).bit_length() - 1
+    return _exact(int(min(rows) * (1 << fraction)), int(max(rows) * (1 << fraction)), fraction)
 
 
 def reciprocal_interval(divisor: Typed, form: Fixed, rounding: Rounding, method: DivisionMethod) -> Interval:

@@ -1,6 +1,7 @@
 """The values of all operations of a plan, each built in its cycle from what it reads."""
 
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import assert_never
 
 from amaranth.hdl import Const, Module, Value
@@ -10,6 +11,7 @@ from kalmanhdl.graph.operations import (
     Add,
     And,
     Binary,
+    Bits,
     Constant,
     Divide,
     Flag,
@@ -27,6 +29,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
     Unary,
 )
 from kalmanhdl.rtl import exact
@@ -35,6 +38,8 @@ from kalmanhdl.rtl.layouts import shape
 from kalmanhdl.rtl.names import operation_names
 from kalmanhdl.rtl.operators import divider, multiplier
 from kalmanhdl.rtl.quantiser import aligned, quantised
+from kalmanhdl.rtl.shapes import fitted
+from kalmanhdl.rtl.table import looked_up
 from kalmanhdl.rtl.timeline import Always, Timeline
 from kalmanhdl.schedule.plan import Plan
 
@@ -73,6 +78,11 @@ class Values:
                 return Timeline(self._m, name, self._inputs[signal], 0)
             case State(signal) | StateFlag(signal):
                 return Timeline(self._m, name, self._states[signal], start)
+            case Bits(a, form):
+                low = aligned(self.at(a, start), self._fraction(a), form, Rounding.FLOOR)
+                return self._named(index, fitted(low, form.width, form.signed), start)
+            case Table(a, rows):
+                return self._named(index, self._row(index, a, rows), start)
             case Multiply():
                 return self._named(index, self._product(index, operation), self._plan.end(index))
             case Unary() | Binary():
@@ -132,6 +142,13 @@ class Values:
             rounded(raw, fraction - form.fraction, rounding) for raw in (interval.low, interval.high)
         )
         return quantised(self._roundings[key], form.fraction, form, rounding, overflow, low, high)
+
+    def _row(self, index: int, a: int, rows: tuple[Fraction, ...]) -> Value:
+        form, address = self._form(index), (len(rows) - 1).bit_length()
+        mask = (1 << form.width) - 1
+        entries = [int(row / form.resolution) & mask for row in rows]
+        number = fitted(self.at(a, self._plan.start[index]), address, False)
+        return looked_up(self._m, f"{self._names[index]}_row", number, entries, form.width)
 
     def _product(self, index: int, operation: Multiply) -> Value:
         start = self._plan.start[index]

@@ -25,6 +25,7 @@ from kalmanhdl.graph.operations import (
     Add,
     And,
     Binary,
+    Bits,
     Constant,
     Divide,
     Flag,
@@ -41,6 +42,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
     Unary,
 )
 from kalmanhdl.numerics.typed import Interval, TypedGraph
@@ -125,7 +127,7 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
     match operation:
         case Input() | Flag() | State() | StateFlag() | Constant():
             return Operator(kind=_kind(operation), pieces=(0,))
-        case Shift() | Not() | Negative():
+        case Shift() | Bits() | Not() | Negative():
             return Operator(kind=_kind(operation), pieces=(0,))
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
@@ -134,6 +136,8 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
         case Select(_, a, _):
             form = typed.formats[index]
             return _wired(operation, _delay(device, "select", form.width if form else 1))
+        case Table(_, rows):
+            return _wired(operation, _delay(device, "table", (len(rows) - 1).bit_length()))
         case Quantise(a, form, rounding, overflow):
             return _wired(operation, _quantiser(typed, a, form, rounding, overflow, device))
         case Outside(a, form, rounding):

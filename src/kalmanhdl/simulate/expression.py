@@ -6,6 +6,7 @@ bounds, so that nothing can overflow, for any word length. ``arithmetic.fixed`` 
 its own definition as C.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
@@ -52,12 +53,14 @@ class Writer:
     """Collects the C statements of one step.
 
     ``minimum_bits`` forces wider types than the bounds ask for, which must not change any result.
-    ``widest`` is the number of bits that the widest value needed.
+    ``widest`` is the number of bits that the widest value needed. ``tables`` names the arrays of
+    ``int32_t`` that the statements read, by their contents.
     """
 
     minimum_bits: int = 0
     widest: int = 0
     statements: list[Statement] = field(default_factory=list)
+    tables: dict[tuple[int, ...], str] = field(default_factory=dict)
     _names: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def kind(self, low: int, high: int) -> Kind:
@@ -80,6 +83,10 @@ class Writer:
             return Value(self, None, low, high)
         to = self.kind(low, high)
         return Value(self, self.bind(to.c_type, cast(expression, kind, to)), low, high)
+
+    def table(self, rows: tuple[int, ...]) -> str:
+        """The name of the array with these contents; equal tables are one."""
+        return self.tables.setdefault(rows, f"table_{len(self.tables)}")
 
     def literal(self, number: int) -> "Value":
         """A value known when the C is written."""
@@ -276,3 +283,19 @@ def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Valu
     kind = writer.kind(low, high)
     text = f"select_{kind.c_type}({condition.text}, {a.at(kind)}, {b.at(kind)})"
     return writer.value(text, kind, low, high)
+
+
+# Rows are looked up in pieces of so many bits, so that each fits a lane whatever the width of the row.
+_PIECE = 31
+
+
+def row_of(rows: Sequence[int], index: Value) -> Value:
+    """The row at an index from 0; an index beyond the last row gives the last one."""
+    low, high = min(rows), max(rows)
+    if signed_bits(low, high) > Kind.INT32:
+        upper = row_of([row >> _PIECE for row in rows], index)
+        lower = row_of([row & (1 << _PIECE) - 1 for row in rows], index)
+        return ((upper << _PIECE) + lower).known(low, high)
+    writer, place = index.writer, index.clamped(0, len(rows) - 1)
+    text = f"look_up({writer.table(tuple(rows))}, {place.at(Kind.INT32)})"
+    return writer.value(text, Kind.INT32, low, high)

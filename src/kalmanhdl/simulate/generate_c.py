@@ -90,23 +90,25 @@ def generate(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[str, 
 
     ``minimum_bits`` forces wider types than the values need; the results are the same.
     """
-    programs = tuple(_program(f"p{i}", typed, minimum_bits) for i, typed in enumerate(graphs))
+    tables: dict[tuple[int, ...], str] = {}
+    programs = tuple(
+        _program(f"p{i}", typed, Writer(minimum_bits, tables=tables)) for i, typed in enumerate(graphs)
+    )
     limbs = max(2, -(-max((program.bits for program in programs), default=0) // 64))
-    tables = sorted({g.division.index_bits for g in graphs if isinstance(g.division, TableNewton)})
+    divisions = sorted({g.division.index_bits for g in graphs if isinstance(g.division, TableNewton)})
     folder = files("kalmanhdl.simulate")
     parts = [f"#define WIDE_LIMBS {limbs}", f"#define LANES {LANES}", f"enum {{ GROUPS = {GROUPS} }};"]
     parts += [(folder / name).read_text(encoding="utf-8") for name in ("wide.h", "engine.h")]
-    parts += [_table(bits) for bits in tables]
+    parts += [_table(f"reciprocal_table_{bits}", reciprocal_table(bits)) for bits in divisions]
+    parts += [_table(name, rows) for rows, name in tables.items()]
     return "\n".join([*parts, *(program.text for program in programs)]), programs
 
 
-def _table(index_bits: int) -> str:
-    entries = ", ".join(map(str, reciprocal_table(index_bits)))
-    return f"static const int32_t reciprocal_table_{index_bits}[] = {{{entries}}};"
+def _table(name: str, rows: Sequence[int]) -> str:
+    return f"static const int32_t {name}[] = {{{', '.join(map(str, rows))}}};"
 
 
-def _program(name: str, typed: TypedGraph, minimum_bits: int) -> Program:
-    writer = Writer(minimum_bits)
+def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
     lowering = lower(typed, writer)
     operations = typed.graph.operations
     inputs = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Input))

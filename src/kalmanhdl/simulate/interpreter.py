@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from kalmanhdl.arithmetic.division import divide, reciprocal
-from kalmanhdl.arithmetic.fixed import Fixed, outside, quantise, rounded
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding, outside, quantise, rounded, wrapped
 from kalmanhdl.graph.operations import (
     Add,
     And,
     Binary,
+    Bits,
     Constant,
     Divide,
     Flag,
@@ -30,6 +31,7 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
     Unary,
 )
 from kalmanhdl.numerics.typed import TypedGraph
@@ -107,6 +109,11 @@ def _evaluate(
             return aligned(a) if values[flag] else aligned(b), False
         case Quantise(a, form, rounding, overflow):
             return quantise(values[a], _form(typed, a).fraction, form, rounding, overflow)
+        case Bits(a, form):
+            floor = rounded(values[a], _form(typed, a).fraction - form.fraction, Rounding.FLOOR)
+            return wrapped(floor, form), False
+        case Table(a, rows):
+            return int(rows[values[a]] / _form(typed, index).resolution), False
         case Divide() | Reciprocal():
             return _quotient(typed, index, operation, values)
         case Outside(a, form, rounding):

@@ -7,11 +7,12 @@ exact even for a value that a range analysis believed impossible.
 from dataclasses import dataclass
 from typing import assert_never
 
-from kalmanhdl.arithmetic.fixed import Fixed, Overflow, rounded, wrapped
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded, wrapped
 from kalmanhdl.graph.operations import (
     Add,
     And,
     Binary,
+    Bits,
     Constant,
     Divide,
     Input,
@@ -28,12 +29,13 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
     Unary,
 )
 from kalmanhdl.graph.operations import Flag as FlagInput
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate import quotients
-from kalmanhdl.simulate.expression import Flag, Value, Writer, choose
+from kalmanhdl.simulate.expression import Flag, Value, Writer, choose, row_of
 
 Signal = Value | Flag
 
@@ -106,6 +108,10 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
         case Quantise(a, form, rounding, overflow):
             raw = rounded(number(a), lowering.form(a).fraction - form.fraction, rounding)
             return _fitted(lowering, index, raw, form, overflow)
+        case Bits(a, form):
+            return _bits(rounded(number(a), lowering.form(a).fraction - form.fraction, Rounding.FLOOR), form)
+        case Table(a, rows):
+            return row_of([int(row / lowering.form(index).resolution) for row in rows], number(a))
         case Divide() | Reciprocal():
             return _quotient(lowering, index, operation)
         case Outside(a, form, rounding):
@@ -140,6 +146,14 @@ def _fitted(lowering: Lowering, index: int, raw: Value, form: Fixed, overflow: O
         return raw
     lowering.saturations[index] = _outside(raw, form)
     value = raw.clamped(form.lowest, form.highest) if overflow is Overflow.SATURATE else wrapped(raw, form)
+    assert isinstance(value, Value)
+    return value
+
+
+def _bits(raw: Value, form: Fixed) -> Value:
+    if form.lowest <= raw.low and raw.high <= form.highest:
+        return raw
+    value = wrapped(raw, form)
     assert isinstance(value, Value)
     return value
 
