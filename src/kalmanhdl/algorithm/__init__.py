@@ -3,7 +3,8 @@
 from kalmanhdl.algorithm.conventional import Conventional
 from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.joseph import Joseph
+from kalmanhdl.algorithm.sequential import Sequential
 
-__all__ = ["ALGORITHMS", "Algorithm", "Conventional", "Joseph"]
+__all__ = ["ALGORITHMS", "Algorithm", "Conventional", "Joseph", "Sequential"]
 
-ALGORITHMS: dict[str, type[Algorithm]] = {each.kind: each for each in (Conventional, Joseph)}
+ALGORITHMS: dict[str, type[Algorithm]] = {each.kind: each for each in (Conventional, Joseph, Sequential)}

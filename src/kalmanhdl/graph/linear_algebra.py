@@ -1,8 +1,10 @@
 """Linear algebra over arrays whose elements are floats, arrays over tracks, or Signals."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from kalmanhdl.graph.signal import Array, is_zero
+from kalmanhdl.graph.signal import Array, Scalar, is_zero
 
 
 def symmetric(matrix: Array) -> Array:
@@ -13,11 +15,43 @@ def symmetric(matrix: Array) -> Array:
     return result
 
 
+def vector(elements: Iterable[Scalar]) -> Array:
+    """An array of one dimension, also where the elements are arrays themselves."""
+    listed = list(elements)
+    result = np.empty(len(listed), object)
+    for place, element in enumerate(listed):
+        result[place] = element
+    return result
+
+
+def times(elements: Array, factor: Scalar) -> Array:
+    """Every element of an array times one factor, which may itself be an array over tracks."""
+    result = np.empty(elements.shape, object)
+    for place in np.ndindex(*elements.shape):
+        result[place] = elements[place] * factor
+    return result
+
+
+def quotient(a: Scalar, b: Scalar) -> Scalar:
+    """a / b, which is zero for a structural zero a, whatever b is."""
+    return 0.0 if is_zero(a) else a / b
+
+
 def inverse(S: Array) -> Array:
     """The inverse of a symmetric positive definite matrix from S = L D L', m reciprocals.
 
     S is (m, m). Zeros of S stay zeros of L, so that decoupled blocks are inverted apart.
     """
+    return _from_factors(*_factors(S))
+
+
+def pivot_reciprocals(S: Array) -> Array:
+    """1 / D of S = L D L', whose product is 1 / det S. Shape (m,)."""
+    return _factors(S)[1]
+
+
+def _factors(S: Array) -> tuple[Array, Array]:
+    """L (m, m) and 1 / D (m,) of S = L D L'."""
     m = len(S)
     L, reciprocal = np.eye(m).astype(object), np.empty(m, object)
     remaining = S.copy()
@@ -29,7 +63,7 @@ def inverse(S: Array) -> Array:
             for k in range(i, m):
                 remaining[i, k] = remaining[i, k] - L[i, j] * remaining[j, k]
                 remaining[k, i] = remaining[i, k]
-    return _from_factors(L, reciprocal)
+    return L, reciprocal
 
 
 def _from_factors(L: Array, reciprocal: Array) -> Array:

@@ -67,6 +67,18 @@ def select(condition: Condition, a: Scalar, b: Scalar) -> Any:
     return chosen if chosen.ndim else float(chosen)
 
 
+def negative(a: Scalar) -> Any:
+    """The condition a < 0."""
+    if isinstance(a, Signal):
+        return Signal(a.builder, a.builder.negative(a.index))
+    return np.less(a, 0)
+
+
+def minimum(a: Scalar, b: Scalar) -> Any:
+    """The lesser of two elements."""
+    return select(negative(a - b), a, b)
+
+
 def both(a: Condition, b: Condition) -> Any:
     """The condition a and b."""
     if isinstance(a, Signal) and isinstance(b, Signal):
@@ -91,10 +103,14 @@ def is_zero(value: Scalar) -> bool:
 def named(origin: str, array: Array) -> Array:
     """Name the elements of an array, ``update: S`` giving ``update: S[0,1]``; returns the array."""
     for place in np.ndindex(*array.shape):
-        element = array[place]
-        if isinstance(element, Signal):
-            element.builder.name(element.index, f"{origin}[{','.join(map(str, place))}]")
+        named_at(origin, place, array[place])
     return array
+
+
+def named_at(origin: str, place: tuple[int, ...], element: Scalar) -> None:
+    """Name one element of what would be an array."""
+    if isinstance(element, Signal):
+        element.builder.name(element.index, f"{origin}[{','.join(map(str, place))}]")
 
 
 def _index(builder: Builder, value: Scalar) -> int:
