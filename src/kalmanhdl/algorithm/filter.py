@@ -6,7 +6,7 @@ Monte Carlo, Signals for the graph of the hardware.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from kalmanhdl.algorithm.memory import Kept, Memory
 from kalmanhdl.graph.signal import Array, Condition, both, named, opposite
@@ -44,7 +44,7 @@ class Correction:
 
     memory: Memory
     innovation: Array
-    nis: object
+    nis: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Outcome:
     memory: Memory
     belief: Belief
     innovation: Array
-    nis: object
+    nis: Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

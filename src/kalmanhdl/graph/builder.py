@@ -15,6 +15,7 @@ from kalmanhdl.graph.operations import (
     Function,
     Graph,
     Multiply,
+    Negative,
     Not,
     Operation,
     Or,
@@ -207,6 +208,10 @@ class Builder:
         if isinstance(otherwise, Select) and otherwise.flag == flag:
             return self.select(flag, a, otherwise.b)
         return a if a == b else self.intern(Select(flag, a, b))
+
+    def negative(self, a: int) -> int:
+        """The flag a < 0."""
+        return self.intern(Negative(a))
 
     def both(self, a: int, b: int) -> int:
         """The flag a and b."""
