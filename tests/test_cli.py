@@ -249,3 +249,16 @@ def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, signum):
     assert not any(Path(f"/proc/{pid}").exists() for pid in started)
     assert os.listdir(tmp_path / "tmp") == []
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "problem"),
+    [
+        ("--device", "unitt", "'unitt' is unknown: there are ecp5-25k, ecp5-45k, ecp5-85k"),
+        ("--grade", 9, "9 is unknown: the speed grades of ecp5-25k are 6, 7, 8"),
+    ],
+)
+def test_an_unknown_device_is_blamed_on_the_option(option, value, problem):
+    done = run("implement", DESIGN, option, value)
+    assert done.exit_code == 1
+    assert done.stderr.splitlines()[-1] == f"error: {option} = {problem}"

@@ -53,8 +53,13 @@ def test_a_design_needs_a_name_and_a_model():
         (lambda: Architecture(clock_mhz=-1.0), "[architecture] clock_mhz = -1"),
         (lambda: Architecture(clock_mhz=np.nan), "[architecture] clock_mhz = nan"),
         (lambda: Architecture(multiplier_blocks=-1), "[architecture] multiplier_blocks = -1"),
-        (lambda: Target(device=""), "[target] device = '': a device is a name like"),
-        (lambda: Target(grade=0), "[target] grade = 0"),
+        (lambda: Target(device=""), "[target] device = '' is unknown: there are ecp5-25k"),
+        (
+            lambda: Target(device="x"),
+            "[target] device = 'x' is unknown: there are ecp5-25k, ecp5-45k, ecp5-85k",
+        ),
+        (lambda: Target(device=None), "[target] device = None is unknown"),
+        (lambda: Target(grade=0), "[target] grade = 0 is unknown: the speed grades of ecp5-25k are 6, 7, 8"),
         (lambda: Target(seeds=1000), "[target] seeds = 1000: an integer from 1 to 64"),
     ],
 )

@@ -16,6 +16,7 @@ LINE = (
     *(
         "errors",
         "validation",
+        "target",
         "arithmetic",
         "graph",
         "math",
@@ -25,7 +26,7 @@ LINE = (
         "design",
         "design_file",
     ),
-    *("simulate", "target", "schedule", "rtl", "toolchain", "verify", "pipeline", "report"),
+    *("simulate", "schedule", "rtl", "toolchain", "verify", "pipeline", "report"),
     *("output", "build", "tables", "console", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.

@@ -29,7 +29,6 @@ from kalmanhdl.report.record import Record
 from kalmanhdl.rtl.interface import interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.data import Plots
-from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.process import in_background
 from kalmanhdl.verify.compare import Verification
@@ -61,7 +60,6 @@ def build(
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
     """
     check_folder(out, force=force)
-    device(design.target.device, design.target.grade)
     if verify_steps:
         _need_compiler()
     prepare(place=place, progress=progress)

@@ -8,6 +8,8 @@ import typer
 
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
+from kalmanhdl.errors import DesignError
+from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
     from kalmanhdl.design import Design
@@ -247,7 +249,11 @@ def _retargeted(
 ) -> "Design":
     given = {"seeds": seeds, "grade": grade, "device": device}
     changed = {key: value for key, value in given.items() if value is not None}
-    return replace(design, target=replace(design.target, **changed))  # type: ignore[arg-type]
+    try:
+        return replace(design, target=replace(design.target, **changed))  # type: ignore[arg-type]
+    except InvalidValueError as error:
+        # No line of the file is to blame.
+        raise DesignError(f"--{error.key}{error.problem}") from None
 
 
 def _read(data: Path | None, design: "Design") -> "Plots | None":

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.target import device as known_device
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ MAX_CHANNELS = 65536
 MAX_BLOCKS = 65536
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
-MAX_GRADE = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,18 +52,18 @@ class Architecture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """The device, its speed grade, and how many placements are tried."""
+    """The device, its speed grade, and how many placements are tried.
+
+    Raises:
+        DesignError: a device, a speed grade or a number of placements that cannot be.
+    """
 
     device: str = "ecp5-25k"
     grade: int = 6
     seeds: int = 4
 
     def __post_init__(self) -> None:
-        device = self.device
-        if not isinstance(device, str) or not 0 < len(device) <= 64 or not device.isprintable():
-            problem = f' = {shown(device)}: a device is a name like "ecp5-25k"'
-            raise InvalidValueError("target", "device", problem)
-        _check_integer("target", "grade", self.grade, 1, MAX_GRADE)
+        known_device(self.device, self.grade)
         _check_integer("target", "seeds", self.seeds, 1, MAX_SEEDS)
 
 
