@@ -45,7 +45,8 @@ class Architecture:
         if self.multiplier_blocks is not None:
             _check_integer("architecture", "multiplier_blocks", self.multiplier_blocks, 0, MAX_BLOCKS)
         clock = self.clock_mhz
-        if clock is not None and (isinstance(clock, bool) or not 0 < clock <= MAX_CLOCK_MHZ):
+        is_number = isinstance(clock, int | float) and not isinstance(clock, bool)
+        if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):
             problem = f" = {shown(clock)}: a clock lies between 0 and {MAX_CLOCK_MHZ:.0f} MHz"
             raise InvalidValueError("architecture", "clock_mhz", problem)
 
@@ -90,6 +91,11 @@ class Design:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
+        for key, kind in _PARTS.items():
+            _check_part(key, getattr(self, key), kind)
+        if not hasattr(self.model, "state_names"):
+            problem = f" = {shown(self.model)}: a model, as linear_model or constant_velocity make one"
+            raise InvalidValueError("", "model", problem)
         object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
         # Says so where the algorithm does not suit the model.
         self.algorithm(self.model)
@@ -149,6 +155,14 @@ class Design:
 
         plots = None if z is None else plots_from_arrays(z, self.model, u)
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
+
+
+_PARTS = {"numerics": FixedSpecification, "architecture": Architecture, "target": Target}
+
+
+def _check_part(key: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise InvalidValueError("", key, f" = {shown(value)}: write {kind.__name__}(...)")
 
 
 def _algorithm(choice: object) -> Algorithm:

@@ -50,10 +50,20 @@ def test_a_filterpy_filter_with_fading_memory_is_refused():
         from_filterpy(kf)
 
 
-def test_what_is_no_filter_is_refused():
-    with pytest.raises(ModelError, match="object has no F: pass a filterpy KalmanFilter"):
-        from_filterpy(object())
-    with pytest.raises(ModelError, match="pass a state-space system"):
+@pytest.mark.parametrize("thing", [object(), None, 3, "kf", KalmanFilter, np.eye(2), {"F": 1}])
+def test_what_is_no_filter_is_refused(thing):
+    with pytest.raises(ModelError, match=r"has no .*: pass a filterpy\.kalman\.KalmanFilter, or give"):
+        from_filterpy(thing)
+
+
+@pytest.mark.parametrize("thing", [object(), None, 3, "system", np.eye(2), {"A": 1}])
+def test_what_is_no_system_is_refused(thing):
+    with pytest.raises(ModelError, match="is no state-space system: pass one of"):
+        from_state_space(thing, Q, R, initial=START)
+
+
+def test_a_system_without_matrices_is_refused():
+    with pytest.raises(ModelError, match="System has no A: pass a state-space system"):
         from_state_space(type("System", (), {"dt": 1})(), Q, R, initial=START)
 
 

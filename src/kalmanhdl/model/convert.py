@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from kalmanhdl.errors import ModelError
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
-from kalmanhdl.validation import names_problem
+from kalmanhdl.validation import names_problem, shown
 
 Array = NDArray[np.float64]
 
+_FILTERPY = ("F", "H", "Q", "R", "x", "P")
 _DISCRETISE = "discretise it first (scipy.signal.cont2discrete, or control.sample_system)"
 
 
@@ -34,7 +35,13 @@ def from_filterpy(
         ModelError: an attribute is missing or no valid part of a model, or the filter fades its memory
             (``alpha``) or has a process noise correlated with the measurements' (``M``).
     """
-    parts = {name: _attribute(kf, name, "filterpy KalmanFilter") for name in ("F", "H", "Q", "R", "x", "P")}
+    missing = [name for name in _FILTERPY if getattr(kf, name, None) is None]
+    if missing:
+        raise ModelError(
+            f"{shown(kf)} has no {', '.join(missing)}: pass a filterpy.kalman.KalmanFilter, or give its "
+            "matrices to linear_model"
+        )
+    parts = {name: getattr(kf, name) for name in _FILTERPY}
     if getattr(kf, "alpha", 1.0) != 1.0:
         raise ModelError(f"the filterpy filter fades its memory (alpha = {kf.alpha}): set alpha to 1")
     if np.any(np.asarray(getattr(kf, "M", 0.0))):
@@ -75,6 +82,11 @@ def from_state_space(
         ModelError: the system is continuous, feeds controls through to the measurements (D), has no
             state space, or the model is not valid.
     """
+    if not hasattr(system, "dt"):
+        raise ModelError(
+            f"{shown(system)} is no state-space system: pass one of scipy.signal (dlti) or control (ss), "
+            "or give its matrices to linear_model"
+        )
     if _is_continuous(system):
         raise ModelError(f"the system is continuous in time: {_DISCRETISE}")
     if not hasattr(system, "A") and callable(getattr(system, "to_ss", None)):
