@@ -18,15 +18,12 @@ from kalmanhdl.simulate.side_by_side import simulate as run_side_by_side
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
-from kalmanhdl.toolchain.simulation import Stalls
 from kalmanhdl.verify.compare import Verification
 
 Progress = Callable[[str], None]
 
 # The papers' families, for synthesis figures beside theirs.
 AREA_FAMILIES = ("xc4v", "xc5v", "xc6v", "lut4")
-# How often either side of the streams pauses while the Verilog is verified.
-_STALLS = 0.25
 
 
 def silent(_: str) -> None:
@@ -113,38 +110,32 @@ def verify(
 ) -> tuple[Verification, ...]:
     """The Verilog against the engine: on data, on tracks drawn from the model, on raw numbers at random.
 
-    ``steps`` are split between the latter two; the last also stalls both streams. A simulator is
-    ``optimised`` where the number of steps is worth its compilation. Raises VerificationError at the
-    first bit that differs.
+    ``steps`` are split between the latter two; the last also stalls both streams, fills the hardware up and
+    resets it in the middle. A simulator is ``optimised`` where the number of steps is worth its compilation.
+    Raises VerificationError at the first bit that differs, or that comes in another clock than it should.
     """
     from kalmanhdl.toolchain.cxxrtl import build_library
     from kalmanhdl.verify.compare import border_of
     from kalmanhdl.verify.compare import verify as run
-    from kalmanhdl.verify.stimulus import from_model, from_plots, random_steps
+    from kalmanhdl.verify.stimulus import Section, from_model, from_plots, random_sections
+    from kalmanhdl.verify.timing import held_back
 
-    model, typed, channels = hardware.design.model, hardware.numbers.typed, hardware.plan.channels
+    model, plan, typed = hardware.design.model, hardware.plan, hardware.numbers.typed
     half = max(1, steps // 2)
     progress(f"verifying {steps} steps, Verilog against engine")
     runs = [
-        ("model", from_model(model, typed, half, channels, seed), Stalls()),
-        (
-            "random",
-            random_steps(typed, half, channels, seed + 1),
-            Stalls(seed=seed, source=_STALLS, sink=_STALLS),
-        ),
+        ("model", (Section(steps=from_model(model, typed, half, plan.channels, seed)),)),
+        ("random", random_sections(plan, half, seed + 1, held_back(plan))),
     ]
     if plots is not None:
-        runs.insert(0, ("data", from_plots(model, typed, plots, channels), Stalls()))
+        runs.insert(0, ("data", (Section(steps=from_plots(model, typed, plots, plan.channels)),)))
     library = build_library(
         hardware.verilog,
         hardware.design.name,
         border_of(hardware.interface),
         optimised=worth_optimising(hardware, steps) if optimised is None else optimised,
     )
-    return tuple(
-        run(library, hardware.design.name, hardware.interface, typed, given, stimulus=name, stalls=stalls)
-        for name, given, stalls in runs
-    )
+    return tuple(run(library, hardware.design.name, plan, sections, stimulus=name) for name, sections in runs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,8 @@
 """Verilog and engine, bit for bit: every output and every state of every step."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,17 @@ from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import VerificationError
-from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
+from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface, interface
+from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.engine import Engine
+from kalmanhdl.simulate.engine import Trace as EngineTrace
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch
-from kalmanhdl.toolchain.simulation import Simulation, Stalls, Trace
-from kalmanhdl.verify.stimulus import Steps
+from kalmanhdl.toolchain.simulation import Simulation, Trace
+from kalmanhdl.verify.stimulus import Section, Steps
+from kalmanhdl.verify.timing import accepted_again, handed_over, held_back, never_waits
+
+RESET = "rst"
 
 Words = NDArray[np.uint64]
 
@@ -43,11 +48,18 @@ class Mismatch:
     verilog: int
     engine: int
 
+    def __str__(self) -> str:
+        return (
+            f"step {self.step} (track {self.track}), {self.signal}: the Verilog gives {self.verilog}, "
+            f"the engine {self.engine} (raw integers)"
+        )
+
 
 def border_of(interface: Interface) -> Border:
     """The streams of the generated module, and its states as watches."""
     tag = [("command", COMMAND_WIDTH)] + ([("track", interface.track_width)] if interface.track_width else [])
-    into = [*((f"in_{n}", w) for n, w in tag), *((p.name, p.width) for p in _inputs(interface))]
+    # A token whose reset bit is set is no step but a reset of one clock.
+    into = [*((f"in_{n}", w) for n, w in tag), *((p.name, p.width) for p in _inputs(interface)), (RESET, 1)]
     out = [*((f"out_{n}", w) for n, w in tag), *((p.name, p.width) for p in interface.outputs)]
     groups: dict[str, list[tuple[str, int]]] = {}
     for state in interface.states:
@@ -65,43 +77,116 @@ def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
 
 
 def verify(
-    library: Path,
-    top: str,
-    interface: Interface,
-    typed: TypedGraph,
-    steps: Steps,
-    *,
-    stimulus: str,
-    stalls: Stalls | None = None,
+    library: Path, top: str, plan: Plan, sections: Sequence[Section], *, stimulus: str
 ) -> Verification:
-    """Run steps through a compiled simulator of the Verilog and the engine and compare every bit.
+    """Run sections of steps through a compiled simulator of the Verilog and the engine and compare every bit.
 
+    Where nobody pauses, the clock in which each result comes is compared with what the plan says.
     Raises VerificationError at the first difference, or where the Verilog hangs.
     """
-    border = border_of(interface)
-    expected = Engine.of(typed).run(steps.inputs, steps.flags, active=steps.active)
-    tokens = _packed(border, interface, steps)
-    begin = time.perf_counter()
+    shown = interface(plan)
+    border, engine = border_of(shown), Engine.of(plan.typed)
+    before: dict[str, Integers] | None = None
+    since, seconds = 0, 0.0
     with Simulation(library, border) as simulation:
-        trace = simulation.run(tokens, len(steps.order), stalls)
-    seconds = time.perf_counter() - begin
-    found = _first_mismatch(border, interface, steps, trace, expected.outputs, expected.states)
-    if found is not None:
-        raise VerificationError(
-            f"{top}: step {found.step} (track {found.track}), {found.signal}: the Verilog gives "
-            f"{found.verilog}, the engine {found.engine} (raw integers; {stimulus} stimulus)"
-        )
+        for number, section in enumerate(sections):
+            steps = section.steps
+            expected = engine.run(steps.inputs, steps.flags, active=steps.active, initial_state=before)
+            begin = time.perf_counter()
+            trace = _simulated(simulation, border, shown, plan, section, reset=number + 1 < len(sections))
+            seconds += time.perf_counter() - begin
+            found = _first_mismatch(border, shown, section, trace, expected) or _first_late(
+                plan, section, trace, since
+            )
+            if found is not None:
+                raise VerificationError(f"{top}: {found} ({stimulus} stimulus)")
+            before = _left_behind(border, shown, section, trace, expected, before)
+            since = trace.cycles
     width = sum(w for _, w in border.sink.payload) + sum(
         w for watch in border.watches for _, w in watch.wires
     )
+    sent = sum(len(section.steps.order) for section in sections)
     return Verification(
         simulator="cxxrtl",
         stimulus=stimulus,
-        steps=len(steps.order),
-        bits=len(steps.order) * width,
-        cycles=trace.cycles,
-        cycles_per_second=trace.cycles / seconds if seconds else 0.0,
+        steps=sent,
+        bits=sent * width,
+        cycles=since,
+        cycles_per_second=since / seconds if seconds else 0.0,
     )
+
+
+def _simulated(
+    simulation: Simulation, border: Border, shown: Interface, plan: Plan, section: Section, *, reset: bool
+) -> Trace:
+    """The trace of a section, with what is still written in the clock of the reset that ends it."""
+    tokens = _packed(border, shown, section.steps)
+    count = len(tokens) - section.left
+    if section.blocked:
+        full = held_back(plan)
+        first = simulation.run(tokens[:full], 0)
+        second = simulation.run(tokens[full:], count)
+        trace = replace(second, accepted_at=np.concatenate([first.accepted_at, second.accepted_at]))
+    else:
+        trace = simulation.run(tokens, count, section.stalls)
+    if not reset:
+        return trace
+    pulse = np.zeros((1, tokens.shape[1]), np.uint64)
+    pulse[0, -1] = 1
+    after = simulation.run(pulse, 0)
+    watched = tuple(np.concatenate(both) for both in zip(trace.watched, after.watched, strict=True))
+    return replace(trace, watched=watched, cycles=after.cycles)
+
+
+def _first_late(plan: Plan, section: Section, trace: Trace, since: int) -> str | None:
+    """What comes in another clock than the plan says, of what it does say; clock 0 is ``since``."""
+    tracks = section.steps.tracks
+    accepted, produced = trace.accepted_at - since, trace.produced_at - since
+    if section.calm:
+        seen, wanted, what = produced, handed_over(plan, tracks)[: len(produced)], "has its result"
+    elif section.blocked and never_waits(plan):
+        seen = accepted[held_back(plan) :][:1]
+        wanted, what = np.array([accepted_again(plan, int(produced[0]))]), "is taken"
+    else:
+        return None
+    late = np.flatnonzero(seen != wanted)
+    if not len(late):
+        return None
+    at = int(late[0])
+    step = at if section.calm else held_back(plan)
+    return (
+        f"step {step} (track {tracks[step]}) {what} in clock {seen[at]} after reset, "
+        f"and by the schedule in clock {wanted[at]}"
+    )
+
+
+def _left_behind(
+    border: Border,
+    shown: Interface,
+    section: Section,
+    trace: Trace,
+    expected: EngineTrace,
+    before: dict[str, Integers] | None,
+) -> dict[str, Integers]:
+    """What the tracks' states are after the reset: of steps that were on the way, some states are written."""
+    if not section.left:
+        return expected.final_state
+    written: dict[str, int] = {}
+    for watch, records in zip(border.watches, trace.watched, strict=True):
+        written |= {name: len(records) for name, _ in watch.wires}
+    held = {}
+    for state in shown.states:
+        states = expected.states[state.state]
+        held[state.state] = (
+            np.zeros(states.shape[1], states.dtype) if before is None else before[state.state].copy()
+        )
+        places = section.steps.order[: written[state.data]]
+        tracks = section.steps.tracks[: len(places)]
+        # The last step of each track.
+        _, backwards = np.unique(tracks[::-1], return_index=True)
+        last = len(places) - 1 - backwards
+        held[state.state][tracks[last]] = states.ravel()[places[last]]
+    return held
 
 
 def _packed(border: Border, interface: Interface, steps: Steps) -> Words:
@@ -112,7 +197,8 @@ def _packed(border: Border, interface: Interface, steps: Steps) -> Words:
         "in_track": steps.order % tracks,
     }
     fields |= {port.name: steps.inputs[port.signal].ravel()[steps.order] for port in interface.numbers}
-    fields |= {port.name: steps.flags[port.signal].ravel()[steps.order] for port in interface.present}
+    fields |= {port.name: steps.offered[port.signal].ravel()[steps.order] for port in interface.present}
+    fields[RESET] = np.zeros(len(steps.order), np.int64)
     return np.concatenate([_words(fields[name], width) for name, width in border.source.payload], axis=1)
 
 
@@ -148,16 +234,12 @@ def _columns(words: Words, ports: tuple[tuple[str, int], ...]) -> dict[str, Word
 
 
 def _first_mismatch(
-    border: Border,
-    interface: Interface,
-    steps: Steps,
-    trace: Trace,
-    outputs: dict[str, Integers],
-    states: dict[str, Integers],
+    border: Border, interface: Interface, section: Section, trace: Trace, expected: EngineTrace
 ) -> Mismatch | None:
-    found = [_in_outputs(border, interface, steps, trace.outputs, outputs)]
-    for watch, records in zip(border.watches, trace.watched, strict=True):
-        found.append(_in_states(watch, interface, steps, records, states))
+    found = [_in_outputs(border, interface, section.steps, trace.outputs, expected.outputs)]
+    # The simulation keeps no more records than it is given steps, of the second part of a blocked section.
+    for watch, records in zip(border.watches, () if section.blocked else trace.watched, strict=False):
+        found.append(_in_states(watch, interface, section, records, expected.states))
     real = [each for each in found if each is not None]
     return min(real, key=lambda each: each.step) if real else None
 
@@ -166,14 +248,14 @@ def _in_outputs(
     border: Border, interface: Interface, steps: Steps, words: Words, outputs: dict[str, Integers]
 ) -> Mismatch | None:
     columns = _columns(words, border.sink.payload)
-    tracks = steps.commands.shape[1]
     found = [
         _difference("out_command", _values(columns["out_command"], 2, None), steps.commands.ravel(), steps)
     ]
     if "out_track" in columns:
-        place = np.broadcast_to(np.arange(tracks), steps.commands.shape).ravel()
         width = interface.track_width
-        found.append(_difference("out_track", _values(columns["out_track"], width, None), place, steps))
+        found.append(
+            _unequal("out_track", _values(columns["out_track"], width, None), steps.tracks, steps.tracks)
+        )
     for port in interface.outputs:
         seen = _values(columns[port.name], port.width, port.form)
         found.append(_difference(port.signal, seen, outputs[port.signal].ravel(), steps))
@@ -182,10 +264,12 @@ def _in_outputs(
 
 
 def _in_states(
-    watch: Watch, interface: Interface, steps: Steps, records: Words, states: dict[str, Integers]
+    watch: Watch, interface: Interface, section: Section, records: Words, states: dict[str, Integers]
 ) -> Mismatch | None:
     columns = _columns(records, watch.wires)
-    if len(records) != len(steps.order):
+    steps = section.steps
+    fewest = len(steps.order) - section.left
+    if not fewest <= len(records) <= len(steps.order):
         return Mismatch(
             step=min(len(records), len(steps.order) - 1),
             track=-1,
@@ -200,31 +284,20 @@ def _in_states(
             seen = _values(columns[state.data], width, state.form)
             found.append(_difference(f"state {state.state}", seen, states[state.state].ravel(), steps))
         if state.track and state.track in columns:
-            place = steps.order % steps.commands.shape[1]
             seen = _values(columns[state.track], interface.track_width, None)
-            if not np.array_equal(seen, place):
-                at = int(np.flatnonzero(seen != place)[0])
-                found.append(
-                    Mismatch(
-                        step=at,
-                        track=int(place[at]),
-                        signal=state.track,
-                        verilog=int(seen[at]),
-                        engine=int(place[at]),
-                    )
-                )
+            found.append(_unequal(state.track, seen, steps.tracks, steps.tracks))
     real = [each for each in found if each is not None]
     return min(real, key=lambda each: each.step) if real else None
 
 
 def _difference(signal: str, seen: Integers, expected: Integers, steps: Steps) -> Mismatch | None:
     wanted = expected[steps.order]
-    tracks = steps.order % steps.commands.shape[1]
-    return _unequal(signal, seen, wanted.astype(np.int64) if wanted.dtype == bool else wanted, tracks)
+    return _unequal(signal, seen, wanted.astype(np.int64) if wanted.dtype == bool else wanted, steps.tracks)
 
 
 def _unequal(signal: str, seen: Integers, wanted: Integers, tracks: Integers) -> Mismatch | None:
-    unequal = np.flatnonzero(seen != wanted)
+    """The first difference; of steps whose results were dropped there is nothing to see."""
+    unequal = np.flatnonzero(seen != wanted[: len(seen)])
     if not len(unequal):
         return None
     at = int(unequal[0])

@@ -1,6 +1,6 @@
 """Steps for the hardware: which track, which command, which raw numbers, in which order."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,28 +11,43 @@ from kalmanhdl.graph.operations import Flag, Input
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import STEPS, simulated
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.commands import Command, commands
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.side_by_side import stimulus_of
+from kalmanhdl.toolchain.simulation import Stalls
 
-# Of random steps one in twenty starts its track anew and one in eight only predicts; a component is
-# missed one time in six, and one step in twelve is left out so that the order of tracks varies.
+# Of random steps one in twenty starts its track anew and one in eight only predicts, some of these by the
+# fourth code; a component is missed one time in six.
 _COAST = 5
-_INITIALISE, _PREDICT, _MISSED, _IDLE = 0.05, 0.125, 1 / 6, 1 / 12
+_INITIALISE, _PREDICT, _FOURTH, _MISSED = 0.05, 0.125, 0.02, 1 / 6
+# The fourth code of a command, which predicts.
+FOURTH = 3
+# How often either side of the streams pauses: as a rule, and in some short sections.
+_STALLS = (0.25, 0.25, 0.75)
+# Results on the way at a reset, at most: the entrance still takes a step then, whatever waits behind it.
+_ON_THE_WAY = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Steps:
     """Rows of steps of tracks. Every array is (rows, tracks); inactive places are no step.
 
-    ``order`` lists the places row * tracks + track in the order in which the steps are sent.
+    ``order`` lists the places row * tracks + track in the order in which the steps are sent. ``flags`` are
+    what counts; a measurement may be ``offered`` with a prediction all the same.
     """
 
     commands: NDArray[np.int8]
     inputs: dict[str, Integers]
     flags: dict[str, NDArray[np.bool_]]
     order: NDArray[np.int64]
+    offered: dict[str, NDArray[np.bool_]]
+
+    @property
+    def tracks(self) -> NDArray[np.int64]:
+        """The track of each step, in sending order."""
+        return np.asarray(self.order % self.commands.shape[1])
 
     @property
     def active(self) -> NDArray[np.bool_]:
@@ -44,11 +59,13 @@ def from_plots(model: Model, typed: TypedGraph, plots: Plots, channels: int) -> 
     """The steps of data, row by row; more tracks than channels take turns, one group after the other."""
     stimulus = stimulus_of(model, typed, plots)
     given = _grouped(stimulus.commands, channels, Command.NONE)
+    flags = {name: _grouped(flags, channels, False) for name, flags in stimulus.flags.items()}
     return Steps(
         commands=given,
         inputs={name: _grouped(raws, channels, 0) for name, raws in stimulus.inputs.items()},
-        flags={name: _grouped(flags, channels, False) for name, flags in stimulus.flags.items()},
+        flags=flags,
         order=np.flatnonzero((given != Command.NONE).ravel()),
+        offered=flags,
     )
 
 
@@ -85,7 +102,7 @@ def from_model(model: Model, typed: TypedGraph, count: int, channels: int, seed:
     acts = arranged(given[..., None].astype(float))[..., 0].astype(np.int8)
     flags = {**steps.flags, "initialise": acts == Command.INITIALISE}
     order = np.arange(rows * channels)[:count]
-    return Steps(commands=_first(acts, count), inputs=steps.inputs, flags=flags, order=order)
+    return Steps(commands=_first(acts, count), inputs=steps.inputs, flags=flags, order=order, offered=flags)
 
 
 def _first(given: NDArray[np.int8], count: int) -> NDArray[np.int8]:
@@ -94,38 +111,109 @@ def _first(given: NDArray[np.int8], count: int) -> NDArray[np.int8]:
     return flat.reshape(given.shape)
 
 
-def random_steps(typed: TypedGraph, count: int, channels: int, seed: int) -> Steps:
-    """``count`` steps of raw numbers from anywhere in their formats, tracks in random order."""
+def random_steps(typed: TypedGraph, count: int, channels: int, seed: int, *, in_turn: bool = False) -> Steps:
+    """``count`` steps of raw numbers from anywhere in their formats, tracks in random order or in turn."""
     random = np.random.default_rng(seed)
-    rows = -(-count // channels) * 2 if channels > 1 else count
-    shape = (rows, channels)
-    active = random.random(shape) >= _IDLE if channels > 1 else np.ones(shape, bool)
-    order = _shuffled(random, active)[:count]
-    chosen = np.zeros(rows * channels, bool)
-    chosen[order] = True
-    active = chosen.reshape(shape)
+    tracks = np.arange(count) % channels if in_turn else _tracks(random, count, channels)
+    turn = _turns(tracks)
+    shape = (int(turn.max()) + 1, channels)
+    order = turn * channels + tracks
+    active = np.zeros(shape, bool)
+    active.ravel()[order] = True
     drawn = random.random(shape)
-    given = np.where(drawn < _INITIALISE + _PREDICT, Command.PREDICT, Command.UPDATE)
-    given = np.where(drawn < _INITIALISE, Command.INITIALISE, given)
-    given = np.where(active, given, Command.NONE).astype(np.int8)
-    inputs, flags = {}, {"initialise": given == Command.INITIALISE}
+    given = np.where(drawn < _INITIALISE + _PREDICT, Command.PREDICT, Command.UPDATE).astype(np.int8)
+    given[drawn < _INITIALISE + _FOURTH] = FOURTH
+    given[drawn < _INITIALISE] = Command.INITIALISE
+    given[~active] = Command.NONE
+    measured = (given == Command.INITIALISE) | (given == Command.UPDATE)
+    inputs, offered = {}, {}
     for operation, form in zip(typed.graph.operations, typed.formats, strict=True):
         if isinstance(operation, Input):
             assert form is not None
             inputs[operation.name] = _anywhere(random, form, shape)
         elif isinstance(operation, Flag) and operation.name != "initialise":
-            seen = random.random(shape) >= _MISSED
-            flags[operation.name] = seen & (given != Command.PREDICT)
-    return Steps(commands=given, inputs=inputs, flags=flags, order=order)
+            offered[operation.name] = random.random(shape) >= _MISSED
+    flags = {"initialise": given == Command.INITIALISE} | {n: seen & measured for n, seen in offered.items()}
+    return Steps(commands=given, inputs=inputs, flags=flags, order=order, offered=offered)
 
 
-def _shuffled(random: np.random.Generator, active: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The active places row by row, the tracks of a row in random order."""
-    keys = np.where(active, random.random(active.shape), 2.0)
-    tracks = np.argsort(keys, axis=1)
-    places = tracks + np.arange(len(active))[:, None] * active.shape[1]
-    taken = np.arange(active.shape[1]) < active.sum(axis=1)[:, None]
-    return np.asarray(places[taken])
+# Steps in succession that follow one pattern of tracks, at most.
+_PIECE = 60
+
+
+def _tracks(random: np.random.Generator, count: int, channels: int) -> NDArray[np.int64]:
+    """Tracks of steps: pieces at random, pieces in turn, one track again and again, a few that alternate."""
+    pieces, missing = [], count
+    while missing > 0:
+        length = min(missing, int(random.integers(1, _PIECE, endpoint=True)))
+        few = int(random.choice([1, 2, 3, channels, channels]))
+        chosen = random.choice(channels, min(few, channels), replace=False)
+        turns = np.arange(length) % len(chosen)
+        piece = chosen[turns] if random.random() < 0.5 else random.choice(chosen, length)
+        pieces.append(piece)
+        missing -= length
+    return np.concatenate(pieces).astype(np.int64)
+
+
+def _turns(tracks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many steps of the same track stand before each step."""
+    order = np.argsort(tracks, kind="stable")
+    ranked = tracks[order]
+    first = np.searchsorted(ranked, ranked)
+    turns = np.empty(len(tracks), np.int64)
+    turns[order] = np.arange(len(tracks)) - first
+    return turns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """Steps between two resets, and how the streams pause.
+
+    ``blocked``: no result is taken before the hardware is full. ``left``: so many results are still on the
+    way when the reset comes that ends the section.
+    """
+
+    steps: Steps
+    stalls: Stalls = field(default_factory=Stalls)
+    blocked: bool = False
+    left: int = 0
+
+    @property
+    def calm(self) -> bool:
+        """Whether nobody pauses, so that it is known when each result comes."""
+        return not (self.blocked or self.stalls.source or self.stalls.sink)
+
+
+# Sections that a reset ends in the middle, their steps, and sections that fill the hardware up; and the
+# share of all steps that they may take.
+_SHORT, _SHORT_STEPS, _FULL, _SHARE = 48, 40, 4, 4
+
+
+def random_sections(plan: Plan, count: int, seed: int, full: int) -> tuple[Section, ...]:
+    """``count`` random steps: short sections that resets end, some that fill the hardware, two long ones.
+
+    ``full`` is the number of steps that are taken while no result is. One of the long sections never pauses.
+    """
+    random = np.random.default_rng(seed)
+    short = min(_SHORT, count // _SHARE // _SHORT_STEPS)
+    filling = min(_FULL, count // _SHARE // (full + _SHORT_STEPS))
+    sizes = [int(n) for n in random.integers(2, 2 * _SHORT_STEPS - 1, short)] + [
+        full + _SHORT_STEPS
+    ] * filling
+    rest = count - sum(sizes)
+    sizes += [n for n in (rest // 2, rest - rest // 2) if n]
+    sections = []
+    for number, size in enumerate(sizes):
+        blocked = short <= number < short + filling
+        steps = random_steps(plan.typed, size, plan.channels, seed + number, in_turn=blocked)
+        stalls = Stalls()
+        if number >= short + filling + 1 or (number < short and number % 2):
+            busy = float(random.choice(_STALLS)) if number < short else _STALLS[0]
+            stalls = Stalls(seed=seed + number, source=busy, sink=busy)
+        # So many steps can be on the way that the entrance takes the next token, which is the reset.
+        left = int(random.integers(0, min(size, _ON_THE_WAY), endpoint=True)) if number < short else 0
+        sections.append(Section(steps=steps, stalls=stalls, blocked=blocked, left=left))
+    return tuple(sections)
 
 
 def _anywhere(random: np.random.Generator, form: Fixed, shape: tuple[int, int]) -> Integers:
