@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from kalmanhdl.simulate.expression import Statement
 
 # Statements of a piece. In one piece, 5000 operations took gcc ten times as long to compile.
-CHUNK = 300
+CHUNK = 600
 
 _NAME = re.compile(r"\bv\d+\b")
 

@@ -116,7 +116,7 @@ INLINE i64 divide_short(i64 a, i64 b, double low, double high)
 INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[index[k]]; return index; }
 
 /* Rows of a caller's array, from element `at` on; of the last group of a row only the first `n` tracks. */
-#define ROWS(name, element, type)                                                                        \
+#define ROWS(name, element, type, through)                                                                       \
     typedef element vector_##name __attribute__((vector_size(sizeof(element) * LANES), aligned(1)));     \
     CALL type load_part_##name(const element *from, int64_t n)                                           \
     {                                                                                                    \
@@ -131,8 +131,7 @@ INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[inde
     INLINE type load_##name(const void *from, int64_t at, int64_t n)                                     \
     {                                                                                                    \
         const element *row = (const element *)from + at;                                                 \
-        return n < LANES ? load_part_##name(row, n)                                                      \
-                         : __builtin_convertvector(*(const vector_##name *)row, type);                   \
+        return n < LANES ? load_part_##name(row, n) : through(*(const vector_##name *)row, type);        \
     }                                                                                                    \
     INLINE void store_##name(void *to, int64_t at, int64_t n, type a)                                    \
     {                                                                                                    \
@@ -142,12 +141,15 @@ INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[inde
         else                                                                                             \
             *(vector_##name *)row = __builtin_convertvector(a, vector_##name);                           \
     }
-ROWS(uint8, uint8_t, i32)
-ROWS(int16, int16_t, i32)
-ROWS(uint16, uint16_t, i32)
-ROWS(int32, int32_t, i32)
-ROWS(uint32, uint32_t, i64)
-ROWS(int64, int64_t, i64)
+/* Compilers make few instructions of one doubling of the width after the other. */
+typedef int16_t i16 __attribute__((vector_size(2 * LANES)));
+#define TWICE(a, type) __builtin_convertvector(__builtin_convertvector(a, i16), type)
+ROWS(uint8, uint8_t, i32, TWICE)
+ROWS(int16, int16_t, i32, __builtin_convertvector)
+ROWS(uint16, uint16_t, i32, __builtin_convertvector)
+ROWS(int32, int32_t, i32, __builtin_convertvector)
+ROWS(uint32, uint32_t, i64, __builtin_convertvector)
+ROWS(int64, int64_t, i64, __builtin_convertvector)
 
 CALL iwide load_limbs(const void *from, int64_t at, int64_t n, int limbs)
 {
@@ -166,6 +168,14 @@ INLINE i32 first_lanes(int64_t n) { i32 r; EACH r[k] = -(k < n); return r; }
 
 INLINE int32_t any(i32 flag) { int32_t r = 0; EACH r |= flag[k]; return r; }
 
-INLINE int64_t count(i32 flag) { int64_t r = 0; EACH r -= flag[k]; return r; }
+/* Moves what lanes have counted to the caller's sums. */
+CALL int32_t sum_up(int number, i32 *counts, int64_t *sums)
+{
+    for (int c = 0; c < number; c++) {
+        EACH sums[c] += counts[c][k];
+        counts[c] = (i32){0};
+    }
+    return 0;
+}
 
 #endif

@@ -223,6 +223,13 @@ class Value:
     def __ne__(self, other: "Value | int") -> "Flag":  # type: ignore[override]
         return (self == other).negated()
 
+    def differs(self, other: "Value") -> "Flag":
+        """Whether two values differ, as a loose flag where that is less to compute."""
+        if max(self.kind, other.kind) > Kind.INT32 or self.high < other.low or other.high < self.low:
+            return self != other
+        text = f"xor_{FLAG}({self.at(Kind.INT32)}, {other.at(Kind.INT32)})"
+        return Flag(self.writer, self.writer.bind(FLAG, text), loose=True)
+
     def _compare(self, name: str, other: "Value") -> "Flag":
         kind = max(self.kind, other.kind)
         return self.writer.flag(f"{name}_{kind.c_type}({self.at(kind)}, {other.at(kind)})")
@@ -230,47 +237,62 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A C integer that is -1 (true) or 0, or a truth ``known`` when the C is written."""
+    """A C integer that is -1 (true) or 0, or a truth ``known`` when the C is written.
+
+    A ``loose`` one may be any integer where it is true. It takes one instruction less to compute, and many
+    that are joined are made strict only once.
+    """
 
     writer: Writer
     text: str
     known: bool | None = None
+    loose: bool = False
 
     @property
     def c(self) -> str:
-        """The flag as a C expression."""
-        return self.text if self.known is None else literal_text(-int(self.known), Kind.INT32)
+        """The flag as a C expression of -1 or 0."""
+        if self.known is not None:
+            return literal_text(-int(self.known), Kind.INT32)
+        return self.negated().negated().text if self.loose else self.text
+
+    @property
+    def nonzero(self) -> str:
+        """The flag as a C expression that is not 0 where it holds."""
+        return self.c if self.known is not None else self.text
 
     def __and__(self, other: "Flag") -> "Flag":
         for one, another in ((self, other), (other, self)):
             if one.known is not None:
                 return another if one.known else one
-        return self.writer.flag(f"{self.text} & {other.text}")
+        loose = self.loose != other.loose
+        a, b = (flag.text if loose else flag.c for flag in (self, other))
+        return Flag(self.writer, self.writer.bind(FLAG, f"{a} & {b}"), loose=loose)
 
     def __or__(self, other: "Flag") -> "Flag":
         for one, another in ((self, other), (other, self)):
             if one.known is not None:
                 return one if one.known else another
-        return self.writer.flag(f"{self.text} | {other.text}")
+        text = self.writer.bind(FLAG, f"{self.text} | {other.text}")
+        return Flag(self.writer, text, loose=self.loose or other.loose)
 
     @property
     def number(self) -> Value:
         """One where the flag holds, else zero."""
-        if self.known is not None:
-            return self.writer.literal(int(self.known))
         return 0 - -self
 
     def negated(self) -> "Flag":
         """The opposite flag."""
         if self.known is not None:
             return Flag(self.writer, "", not self.known)
+        if self.loose:
+            return self.writer.flag(f"equal_{FLAG}({self.text}, {literal_text(0, Kind.INT32)})")
         return self.writer.flag(f"~{self.text}")
 
     def __neg__(self) -> Value:
         """Minus one where the flag holds, else zero."""
         if self.known is not None:
             return self.writer.literal(-int(self.known))
-        return self.writer.value(self.text, Kind.INT32, -1, 0)
+        return self.writer.value(self.c, Kind.INT32, -1, 0)
 
 
 def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Value:
@@ -281,7 +303,7 @@ def choose(condition: Flag, if_true: Value | int, if_false: Value | int) -> Valu
         return a if condition.known else b
     low, high = min(a.low, b.low), max(a.high, b.high)
     kind = writer.kind(low, high)
-    text = f"select_{kind.c_type}({condition.text}, {a.at(kind)}, {b.at(kind)})"
+    text = f"select_{kind.c_type}({condition.c}, {a.at(kind)}, {b.at(kind)})"
     return writer.value(text, kind, low, high)
 
 

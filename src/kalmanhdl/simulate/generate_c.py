@@ -181,7 +181,8 @@ def _structures(parts: _Parts) -> str:
 typedef struct {{ i32 live; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
 typedef struct {{ {_members(parts.states)} }} {parts.name}_state;
 typedef struct {{ i32 hit; {_members(parts.outputs)} }} {parts.name}_out;
-typedef struct {{ i32 seen; int64_t counts[{counts}]; {extremes} }} {parts.name}_watched;"""
+enum {{ {parts.name}_counts = {counts} }};
+typedef struct {{ i32 seen; i32 counts[{counts}]; {extremes} }} {parts.name}_watched;"""
 
 
 def _signal_text(parts: _Parts, port: Port) -> str:
@@ -191,7 +192,7 @@ def _signal_text(parts: _Parts, port: Port) -> str:
 
 def _step_sinks(parts: _Parts) -> list[str]:
     """The lines of a step that use its variables: new states, outputs, and whether anything saturated."""
-    hits = dict.fromkeys(f"out->hit |= {parts.lowering.saturations[i].c};" for i in parts.counted)
+    hits = dict.fromkeys(f"out->hit |= {parts.lowering.saturations[i].nonzero};" for i in parts.counted)
     outputs = dict.fromkeys(f"out->x{p.index} = {_signal_text(parts, p)};" for p in parts.outputs)
     return [*_next_states(parts), *outputs, *hits]
 
@@ -201,7 +202,7 @@ def _watch_sinks(parts: _Parts) -> list[str]:
     lowering = parts.lowering
     flags = [lowering.saturations[i] for i in parts.counted]
     flags += [_matters(parts, violation) for violation in lowering.typed.violations]
-    lines = [f"w->counts[{n}] += count({flag.c} & in->live);" for n, flag in enumerate(flags)]
+    lines = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(flags)]
     for port in parts.watched:
         kind, text = port.kind.c_type, _signal_text(parts, port)
         for end, nearer in (("low", "minimum"), ("high", "maximum")):
@@ -304,6 +305,7 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
     if (!b)
         return -1;
     memset(b, 0, sizeof *b);
+    int32_t watched = 0;
     {_lines(empty, 4)}
     for (int64_t first = 0; first < tracks; first += GROUPS * LANES) {{
         int64_t end = tracks - first < GROUPS * LANES ? tracks : first + GROUPS * LANES;
@@ -326,6 +328,8 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
                 if (monitor || any(b->out.hit & b->in.live)) {{
                     {name}_watch(&b->in, old, &b->mid, next, &b->out, &b->watched);
                     b->watched.seen |= b->in.live;
+                    if (++watched == INT32_MAX)  /* What a lane can count. */
+                        watched = sum_up({name}_counts, b->watched.counts, counts);
                 }}
                 {_lines(outs, 16)}
                 if (records) {{
@@ -338,7 +342,7 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
             {_lines(last, 12)}
         }}
     }}
-    memcpy(counts, b->watched.counts, sizeof b->watched.counts);
+    sum_up({name}_counts, b->watched.counts, counts);
     int64_t n = LANES;
     {_lines(extremes, 4)}
     int32_t seen = -any(b->watched.seen);

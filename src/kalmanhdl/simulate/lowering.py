@@ -138,7 +138,7 @@ def _loaded(lowering: Lowering, index: int, place: str) -> Value:
 
 
 def _outside(raw: Value, form: Fixed) -> Flag:
-    return raw.clamped(form.lowest, form.highest) != raw
+    return raw.clamped(form.lowest, form.highest).differs(raw)
 
 
 def _fitted(lowering: Lowering, index: int, raw: Value, form: Fixed, overflow: Overflow) -> Value:

@@ -63,7 +63,7 @@ def _decides(mode: Rounding) -> bool:
 
 def _clamped(value: Value, form: Fixed) -> tuple[Value, Flag]:
     result = value.clamped(form.lowest, form.highest)
-    return result, result != value
+    return result, result.differs(value)
 
 
 def _floor_quotient(numerator: Value, denominator: Value, form: Fixed, sticky: bool) -> tuple[Value, Value]:
