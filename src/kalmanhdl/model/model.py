@@ -116,6 +116,10 @@ class Model(Protocol):
     def dependence(self) -> NDArray[np.bool_]:
         """Which states each measurement depends on. Shape (m, n)."""
 
+    @property
+    def angles(self) -> frozenset[int]:
+        """The measurements that are angles in rad, known but for whole turns."""
+
     def transition(self, x: Elements, u: Elements) -> Elements:
         """The next state (n,) without noise."""
 

@@ -113,6 +113,11 @@ class MultipleModel:
         """Which states each measurement depends on, in any mode."""
         return np.asarray(np.any([mode.dependence for mode in self.modes], axis=0))
 
+    @property
+    def angles(self) -> frozenset[int]:
+        """None: a linear measurement counts on past a turn."""
+        return frozenset()
+
     def transition(self, x: Elements, u: Elements) -> Elements:
         """The next state in the first mode."""
         return self.first.transition(x, u)

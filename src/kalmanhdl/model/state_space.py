@@ -140,6 +140,11 @@ class LinearModel:
         """Which states each measurement depends on. Shape (m, n)."""
         return np.asarray(self.H != 0)
 
+    @property
+    def angles(self) -> frozenset[int]:
+        """None: a linear measurement counts on past a turn."""
+        return frozenset()
+
     def transition(self, x: Elements, u: Elements) -> Elements:
         """F x + B u + offset."""
         moved: Elements = self.F.astype(object) @ x + self.offset.astype(object)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
 from kalmanhdl.graph.operations import And, Flag, Graph, Not, Or, Select, operands
+from kalmanhdl.math import wrap
 from kalmanhdl.model.model import Model, root
 
 Array = NDArray[np.float64]
@@ -57,6 +58,9 @@ def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS
         error[k] = random.standard_normal((tracks, model.m)) @ spread.T
     truth = model.trajectories(x, u, noise, random)
     z = rows(model.observation(elements(truth)), (steps, tracks)) + error
+    for j in model.angles:
+        middle = 0.0 if model.measurement_range is None else model.measurement_range[j].mean()
+        z[..., j] = middle + wrap(z[..., j] - middle)
     relevant = np.ones((steps, tracks), bool)
     if model.measurement_range is not None:
         low, high = model.measurement_range.T

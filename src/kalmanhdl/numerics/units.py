@@ -26,7 +26,7 @@ def units(model: Model, filter_: Filter, specification: FixedSpecification, plot
     then divided by the variance of its first measurement, so that this measurement has R = 1.
     """
     graph = trace(model, filter_)
-    ranges, roots = observed(graph, model, plots), dict(graph.states)
+    ranges, roots = observed(graph, model, plots), dict(graph.outputs)
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)
     else:
@@ -56,7 +56,7 @@ def _roomier(
     graph: Graph, ranges: Ranges, state: Array, covariance: Array, specification: FixedSpecification
 ) -> Array:
     """Larger units for states whose variance would leave a format that the design gives covariances."""
-    form, roots = specification.form("covariance"), dict(graph.states)
+    form, roots = specification.form("covariance"), dict(graph.outputs)
     if not isinstance(form, Fixed):
         return state
     reach = float(form.real(form.highest))
@@ -75,15 +75,14 @@ def _power(value: float) -> float:
 
 
 def _measurement_units(model: Model, state: Array, plots: Plots) -> Array:
-    seen = model.seen
-    return np.array(
-        [
-            state[seen[j].state] * _power(abs(seen[j].factor))
-            if j in seen
-            else _power(float(np.abs(plots.z[..., j]).max()))
-            for j in range(model.m)
-        ]
-    )
+    def unit(j: int) -> float:
+        if j in model.seen:
+            return float(state[model.seen[j].state]) * _power(abs(model.seen[j].factor))
+        reach = float(np.abs(plots.z[..., j]).max())
+        # In turns, an angle is wrapped by leaving out bits.
+        return _power(reach / math.tau) * math.tau if j in model.angles else _power(reach)
+
+    return np.array([unit(j) for j in range(model.m)])
 
 
 def _covariance_units(
