@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from models import estimated, random_model, random_plots
 
-from kalmanhdl.algorithm import ALGORITHMS, Conventional
+from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Conventional
 
-OTHERS = sorted(set(ALGORITHMS) - {"conventional"})
+OTHERS = sorted(set(LINEAR) - {"conventional"})
 
 
 def assert_equal_estimates(found, expected, tolerance):

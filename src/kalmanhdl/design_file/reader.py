@@ -25,6 +25,7 @@ from kalmanhdl.design_file.schema import (
     GivenTable,
     LinearTable,
     MotionTable,
+    MultipleTable,
     RootTable,
     Table,
     TargetTable,
@@ -36,6 +37,7 @@ from kalmanhdl.model.expression import MAX_CONSTANTS, RESERVED, ExpressionError,
 from kalmanhdl.model.initial import given, two_point
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.motion import Motion, constant_acceleration, constant_velocity
+from kalmanhdl.model.multiple import MultipleModel, multiple_model
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.model.turn import coordinated_turn
@@ -168,6 +170,24 @@ def _constant_fault(name: str, problem: str, instead: Mapping[str, float | str])
 
 
 def _model(table: dict[str, Any], context: Context) -> Model:
+    return _multiple(table, context) if table.get("kind") == MultipleModel.kind else _single(table, context)
+
+
+def _multiple(table: dict[str, Any], context: Context) -> MultipleModel:
+    """The modes of a table; each is a model of its own that takes what it does not say from the table."""
+    own = {key: value for key, value in table.items() if key in MultipleTable.model_fields}
+    shared = {key: value for key, value in table.items() if key not in MultipleTable.model_fields}
+    checked = _checked(MultipleTable, own, "model", context)
+    modes = []
+    for mode in checked.modes:
+        model = _single({**shared, **mode}, context)
+        if not isinstance(model, LinearModel):
+            raise InvalidValueError("model", "modes", f": a mode is a linear model, not a {model.kind} one")
+        modes.append(model)
+    return multiple_model(modes, checked.transition, checked.probabilities)
+
+
+def _single(table: dict[str, Any], context: Context) -> Model:
     checked = _of_kind(MODELS, table, "model", context)
     initial = _initial(checked.initial, context)
     if isinstance(checked, LinearTable):

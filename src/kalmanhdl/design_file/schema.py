@@ -93,6 +93,16 @@ class TurnTable(MotionTable):
     axes: Axes = 2
 
 
+class MultipleTable(Table):
+    """``kind = "multiple"``: modes that switch; what the file says beside these keys goes for every mode."""
+
+    kind: str
+    modes: list[dict[str, Any]]
+    transition: Matrix
+    probabilities: Vector | None = None
+    constants: dict[str, Any] = Field(default_factory=dict)
+
+
 class GivenTable(Table):
     """``kind = "given"``."""
 

@@ -12,6 +12,7 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import OutputError
 from kalmanhdl.model.model import Model
+from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.numerics.specification import FixedSpecification, Form
 
@@ -49,8 +50,22 @@ def dumps(design: Design) -> str:
 
 
 def _model(model: Model) -> list[Lines]:
+    if isinstance(model, MultipleModel):
+        return _multiple(model)
     assert isinstance(model, LinearModel), model.kind
     return [_linear(model), _initial(model.initial)]
+
+
+def _multiple(model: MultipleModel) -> list[Lines]:
+    head = ["[model]", f"kind = {_text(model.kind)}"]
+    head.append(f"transition = {_matrix(model.transition_probabilities)}")
+    head.append(f"probabilities = {_vector(model.probabilities)}")
+    blocks = [head]
+    for mode in model.modes:
+        _, *lines = _linear(mode)
+        _, *start = _initial(mode.initial)
+        blocks += [["[[model.modes]]", *lines], ["[model.modes.initial]", *start]]
+    return blocks
 
 
 def _linear(model: LinearModel) -> Lines:
