@@ -1,10 +1,27 @@
 """How the model is estimated: one file an algorithm, each a pure function over arrays."""
 
+from kalmanhdl.algorithm.bierman_thornton import BiermanThornton
 from kalmanhdl.algorithm.conventional import Conventional
 from kalmanhdl.algorithm.filter import Algorithm
+from kalmanhdl.algorithm.interacting import Interacting
 from kalmanhdl.algorithm.joseph import Joseph
 from kalmanhdl.algorithm.sequential import Sequential
 
-__all__ = ["ALGORITHMS", "Algorithm", "Conventional", "Joseph", "Sequential"]
+__all__ = [
+    "ALGORITHMS",
+    "LINEAR",
+    "Algorithm",
+    "BiermanThornton",
+    "Conventional",
+    "Interacting",
+    "Joseph",
+    "Sequential",
+]
 
-ALGORITHMS: dict[str, type[Algorithm]] = {each.kind: each for each in (Conventional, Joseph, Sequential)}
+_LINEAR: tuple[type[Algorithm], ...] = (BiermanThornton, Conventional, Joseph, Sequential)
+_OTHERS: tuple[type[Algorithm], ...] = (Interacting,)
+
+LINEAR = tuple(each.kind for each in _LINEAR)
+"""The algorithms for linear models, by their words in a design file."""
+ALGORITHMS = {each.kind: each for each in (*_LINEAR, *_OTHERS)}
+"""Every algorithm by its word in a design file."""

@@ -18,8 +18,8 @@ from kalmanhdl.model.state_space import LinearModel
 class Sequential(Algorithm):
     """Update by one scalar measurement after the other: m reciprocals and no inverse.
 
-    Source: Bar-Shalom, Li, Kirubarajan, section 7.3; Grewal & Andrews, section 4.2.2. Each component sees
-    the belief that the components before it left. Where R correlates components, decorrelating them
+    lee1997 eq. 6 to 8 with one row of H at a time (Grewal & Andrews, Kalman Filtering: serial processing of
+    uncorrelated measurements). Each component sees the belief that the components before it left. Where R correlates components, decorrelating them
     once for all would be wrong as soon as one of them is missed; instead each one used conditions the
     remaining ones of its block: with c = Cov(x, z_j) and s = Var(z_j) after it, for every later i
 

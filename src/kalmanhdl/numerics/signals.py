@@ -9,6 +9,8 @@ _ORIGIN = re.compile(r"(?:(?P<stage>\w+): )?(?P<base>\w+)\[(?P<place>[\d,]+)\]\Z
 _CLASSES = {
     "x": "state",
     "P": "covariance",
+    "U": "covariance",
+    "D": "covariance",
     "z": "measurement",
     "u": "control",
     "y": "innovation",
@@ -23,11 +25,15 @@ _CLASSES = {
 _ROUNDED_AS_STATE = {
     ("update", "x"),
     ("update", "P"),
+    ("update", "U"),
+    ("update", "D"),
     ("initialise", "x"),
     ("posterior", "x"),
     ("posterior", "P"),
+    ("posterior", "U"),
+    ("posterior", "D"),
 }
-_VARIANCES = ("P", "S")
+_VARIANCES = ("P", "S", "D")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
