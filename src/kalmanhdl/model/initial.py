@@ -1,6 +1,8 @@
 """Rules by which a track starts, each a function from the model's matrices to an ``Initial``."""
 
+import math
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal
 
 import numpy as np
@@ -85,11 +87,7 @@ def two_point(*, P: ArrayLike | None = None) -> InitialRule:
                 from_state[k, i] = -a * per_T
                 from_w[k, k], from_w[k, i] = 1, -per_T
                 from_v2[k, j], from_v1[k, j] = -inverse_h * per_T, a * inverse_h * per_T
-            covariance = (
-                from_w @ dynamics.Q @ from_w.T
-                + from_v2 @ dynamics.R @ from_v2.T
-                + from_v1 @ dynamics.R @ from_v1.T
-            )
+            covariance = from_w @ dynamics.Q @ from_w.T
         return Initial(
             x=x + 0.0,  # no negative zeros
             from_measurement=from_measurement,
@@ -97,9 +95,96 @@ def two_point(*, P: ArrayLike | None = None) -> InitialRule:
             P=covariance if P is None else np.asarray(P),
             points=2,
             before_update=False,
+            from_noise=np.hstack([from_v2, from_v1]) if P is None else None,
         )
 
     return start
+
+
+def three_point(*, P: ArrayLike | None = None) -> InitialRule:
+    """A track starts from its first three rows: the one path of the motion that passes through them.
+
+    Of a noiseless path, x(k-1) = F^-1 (x(k) - b) with offset b, and z = H x + d. So with L = H F^-1 and
+    M = H F^-2 the rows z3, z2, z1 determine x(3) where the square matrix O of H, L, M has an inverse, with
+    column blocks G3, G2, G1:
+
+        x(3) = G3 (z3 - d) + G2 (z2 - d + L b) + G1 (z1 - d + L b + M b).
+
+    For constant acceleration these are the differences z3, (3 z3 - 4 z2 + z1) / 2 T and
+    (z3 - 2 z2 + z1) / T^2. A path found so keeps the rows that it passed through, z2 = H x(2) + d and
+    z1 = L (x(2) - b) + d, so the state is all that one command needs of those before it:
+
+        x := G3 (z - d) + (G2 H + G1 L) x + (G2 L + G1 M) b.
+
+    The error under Q and R is (G2 L + G1 M) w3 + G1 L w2 - G3 v3 - G2 v2 - G1 v1, and P its covariance
+    unless one is given (wu2012, section 2.2, has the host do this, and gives no formulas).
+
+    Raises:
+        ModelError: (by the rule) not three states for each measurement, an O without inverse, controls.
+    """
+
+    def start(dynamics: Dynamics) -> Initial:
+        n, m = dynamics.F.shape[0], dynamics.H.shape[0]
+        if n != 3 * m:
+            raise _unsuited(f"{n} states are not three for each of {m} measurements", "three_point")
+        if dynamics.B.any():
+            raise _unsuited("controls move the states", "three_point")
+        H = _fractions(dynamics.H)
+        back = _inverse(_fractions(dynamics.F), "F has no inverse")
+        L = H @ back
+        M = L @ back
+        G = _inverse(np.vstack([H, L, M]), "three rows do not determine the states")
+        G3, G2, G1 = G[:, :m], G[:, m : 2 * m], G[:, 2 * m :]
+        from_w3, from_w2 = _floats(G2 @ L + G1 @ M), _floats(G1 @ L)
+        with np.errstate(all="ignore"):
+            covariance = from_w3 @ dynamics.Q @ from_w3.T + from_w2 @ dynamics.Q @ from_w2.T
+            x = from_w3 @ dynamics.offset - _floats(G3) @ dynamics.measurement_offset
+        return Initial(
+            x=x + 0.0,  # no negative zeros
+            from_measurement=_floats(G3),
+            from_state=_floats(G2 @ H + G1 @ L),
+            P=covariance if P is None else np.asarray(P),
+            points=3,
+            before_update=False,
+            from_noise=_floats(G) if P is None else None,
+        )
+
+    return start
+
+
+def _fractions(matrix: Array) -> NDArray[np.object_]:
+    # What is zero must come out as zero: every other number costs a multiplication.
+    exact = np.empty(matrix.shape, object)
+    for place in np.ndindex(*matrix.shape):
+        exact[place] = Fraction(float(matrix[place]))
+    return exact
+
+
+def _floats(exact: NDArray[np.object_]) -> Array:
+    return np.array([[_float(entry) for entry in row] for row in exact])
+
+
+def _float(exact: Fraction) -> float:
+    try:
+        return float(exact)
+    except OverflowError:
+        return math.inf
+
+
+def _inverse(matrix: NDArray[np.object_], problem: str) -> NDArray[np.object_]:
+    """The exact inverse, by elimination that leaves zeros alone."""
+    n = len(matrix)
+    work = np.hstack([matrix, _fractions(np.eye(n))])
+    for j in range(n):
+        pivot = next((i for i in range(j, n) if work[i, j]), None)
+        if pivot is None:
+            raise _unsuited(problem, "three_point")
+        work[[j, pivot]] = work[[pivot, j]]
+        work[j] = work[j] / work[j, j]
+        for i in range(n):
+            if i != j and work[i, j]:
+                work[i] = work[i] - work[i, j] * work[j]
+    return work[:, n:]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +231,6 @@ def _rate(dynamics: Dynamics, i: int, measured: dict[int, int]) -> int | None:
     return k
 
 
-def _unsuited(reason: str) -> Exception:
+def _unsuited(reason: str, kind: str = "two_point") -> Exception:
     remedy = 'use kind = "given" with x and P'
-    return checks.fault("initial.kind", f' = "two_point": {reason}: {remedy}')
+    return checks.fault("initial.kind", f' = "{kind}": {reason}: {remedy}')

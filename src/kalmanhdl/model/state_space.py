@@ -25,13 +25,17 @@ Array = NDArray[np.float64]
 class Initial:
     """How the command ``initialise`` starts a track from measurement z and the state x kept before.
 
-        x := x0 + from_measurement z + from_state x + from_control u,   P := P0
+        x := x0 + from_measurement z + from_state x + from_control u,   P := P0 + from_noise R from_noise'
 
     A k-point initialisation (``points = k``) is k such commands in a row: what the earlier ones leave in
     the state, the last one needs. With ``before_update`` the result is the a priori belief for the row
     of the command, which its valid measurements then update; otherwise it is that row's estimate.
 
-    Shapes: x0 (n,), from_measurement (n, m), from_state (n, n), P (n, n), from_control (n, p), None for 0.
+    R stands for as many diagonal blocks of the measurements' covariance as ``from_noise`` has columns for,
+    one for each row of data that the start rests on. A linear model takes it into P once and for all.
+
+    Shapes: x0 (n,), from_measurement (n, m), from_state (n, n), P (n, n), from_control (n, p) and
+    from_noise (n, k m), None for 0.
     """
 
     x: Array
@@ -41,6 +45,7 @@ class Initial:
     points: int
     before_update: bool
     from_control: Array | None = None
+    from_noise: Array | None = None
 
     @property
     def takes_measurements(self) -> bool:
@@ -56,11 +61,22 @@ class Initial:
             mean = mean + self.from_control.astype(object) @ u
         return mean
 
+    def covariance(self, R: Elements) -> Elements:
+        """The covariance (n, n) that ``initialise`` makes, over elements, of measurements of covariance R."""
+        P: Elements = self.P.astype(R.dtype)
+        if self.from_noise is not None:
+            for k in range(0, self.from_noise.shape[1], len(R)):
+                gain = self.from_noise[:, k : k + len(R)].astype(R.dtype)
+                P = P + gain @ R @ gain.T
+        return P
+
     def in_units(self, units: Units) -> "Initial":
         """The same start in other units."""
         d, e, g = units.state, units.measurement, units.control
+        noise = self.from_noise
         return replace(
             self,
+            from_noise=None if noise is None else noise * np.resize(e, noise.shape[1]) / d[:, None],
             x=self.x / d,
             from_measurement=self.from_measurement * e / d[:, None],
             from_state=self.from_state * d / d[:, None],
@@ -254,7 +270,7 @@ def linear_model(
         H=H,
         Q=dynamics.Q,
         R=dynamics.R,
-        initial=_checked_initial(start, n, m, B.shape[1]),
+        initial=_settled(checked_initial(start, n, m, B.shape[1]), dynamics.R),
         B=B,
         offset=dynamics.offset,
         measurement_offset=dynamics.measurement_offset,
@@ -283,8 +299,9 @@ def _vector(key: str, value: ArrayLike | None, count: int, what: str) -> Array:
     return checks.array(key, value, (count,), f"{count} numbers, one a {what}")
 
 
-def _checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
-    control = start.from_control
+def checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
+    """A start that suits n states, m measurements and p controls. Raises ModelError."""
+    control, noise = start.from_control, start.from_noise
     P = checks.array("initial.P", start.P, (n, n), f"P is {n} x {n}, as F")
     return Initial(
         x=_vector("initial.x", start.x, n, "state"),
@@ -298,7 +315,24 @@ def _checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
         from_control=None
         if control is None
         else checks.array("initial.from_control", control, (n, p), f"from_control is {n} x {p}"),
+        from_noise=None if noise is None else _checked_noise(noise, n, m),
     )
+
+
+def _settled(start: Initial, R: Array) -> Initial:
+    """The start with the measurements' covariance taken into P."""
+    with np.errstate(all="ignore"):
+        P = start.covariance(R)
+    P = checks.array("initial.P", P, P.shape, "P is finite")
+    return replace(start, P=checks.covariance("initial.P", P, definite=False), from_noise=None)
+
+
+def _checked_noise(noise: Array, n: int, m: int) -> Array:
+    rule = f"from_noise is {n} x {m}, or {n} x a multiple of {m}"
+    result = checks.array("initial.from_noise", noise, (n, None), rule)
+    if result.shape[1] % m or result.shape[1] > 16 * m:
+        raise checks.fault("initial.from_noise", f" is {n} x {result.shape[1]}: {rule}, at most 16 times")
+    return result
 
 
 def _checked_points(points: int) -> int:
