@@ -52,6 +52,9 @@ def assert_same(a, b):
         assert type(a) is type(b)
         for field in fields(a):
             assert_same(getattr(a, field.name), getattr(b, field.name))
+    elif isinstance(a, tuple):
+        for one, other in zip(a, b, strict=True):
+            assert_same(one, other)
     elif isinstance(a, np.ndarray):
         np.testing.assert_array_equal(a, b)
     else:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from models import estimated, random_model, random_plots
 
 from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Conventional
+from linear_models import estimated, random_model, random_plots
 
 OTHERS = sorted(set(LINEAR) - {"conventional"})
 

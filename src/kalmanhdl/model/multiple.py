@@ -203,9 +203,7 @@ def _probabilities(key: str, array: Array) -> Array:
     if array.min() < 0 or np.abs(sums - 1).max() > 1e-6:
         rows = "each row sums" if array.ndim == 2 else "they sum"
         raise checks.fault(key, f" are no probabilities: 0 or more, and {rows} to 1")
-    result: Array = array / sums[..., None] if array.ndim == 2 else array / sums
-    result.flags.writeable = False
-    return result
+    return array
 
 
 def _stationary(P: Array) -> Array:
