@@ -10,14 +10,15 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, ParamSpec, Self, TextIO
 
 import typer
 
 from kalmanhdl.errors import KalmanhdlError
-from kalmanhdl.validation import KalmanhdlWarning
+from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning
 
 FAILED, DEFECT, INTERRUPTED = 1, 70, 130
 
@@ -39,6 +40,8 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
             command(*args, **kwargs)
         except (Interrupted, KeyboardInterrupt):
             _end("interrupted", INTERRUPTED)
+        except InvalidValueError as error:
+            _end(f"error: {_place(kwargs, error)}{error}", FAILED)
         except KalmanhdlError as error:
             _end(f"error: {error}", FAILED)
         except BrokenPipeError:
@@ -59,6 +62,19 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
             _end(f"error: a defect of kalmanhdl: {problem} (KALMANHDL_DEBUG=1 shows where)", DEFECT)
 
     return run
+
+
+def _place(arguments: Mapping[str, object], error: InvalidValueError) -> str:
+    """Where the design file of a command says what a later stage than its reader could not accept."""
+    # Imports pydantic, which nobody else needs who asks for help.
+    from kalmanhdl.design_file.lines import line_of
+
+    path = arguments.get("design") or arguments.get("path")
+    if not isinstance(path, Path):
+        return ""
+    file = path / "design.toml" if path.is_dir() else path
+    line = line_of(file.read_text(encoding="utf-8"), error.table, error.key)
+    return f"{file}: " if line is None else f"{file}, line {line}: "
 
 
 def _end(line: str, code: int) -> None:

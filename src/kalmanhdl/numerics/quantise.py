@@ -36,6 +36,7 @@ from kalmanhdl.numerics.signals import SignalName, signal_of
 from kalmanhdl.numerics.signed_digits import canonical_signed_digits
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
+from kalmanhdl.validation import InvalidValueError, nearest
 
 _TINY = 2.0**-64
 # An operand of a constant multiplication may be this many bits wider than its format before it is rounded.
@@ -52,13 +53,24 @@ def quantise(
 
     Raises:
         FormatError: a constant of the model does not fit the format that the design gives its signal.
+        DesignError: the design gives a format to a signal that the graph has not.
     """
     lowering = _Lowering(graph, ranges, specification)
     states = [(name, lowering.state(name, root)) for name, root in graph.states]
     outputs = [(name, lowering.output(root)) for name, root in graph.outputs]
     kept_state = dict(states)
     outputs = [(name, kept_state.get(name, index)) for name, index in outputs]
-    return lowering.finished(states, outputs, scales)
+    typed = lowering.finished(states, outputs, scales)
+    _check_signals(specification, lowering.signals)
+    return typed
+
+
+def _check_signals(specification: FixedSpecification, known: set[str]) -> None:
+    """A format for a number that the hardware does not compute would be lost without a word."""
+    for name in specification.signals:
+        if name not in known:
+            problem = f" is a constant here or no signal of this filter: {nearest(name, sorted(known))}"
+            raise InvalidValueError("numerics.signals", name, problem)
 
 
 class _Lowering:
@@ -70,6 +82,8 @@ class _Lowering:
         self.types: list[Typed | None] = []
         self.given: dict[int, Fixed] = {}
         self.exact: dict[int, int] = {}
+        # The names of the numbers that were given a format.
+        self.signals: set[str] = set()
         for index, operation in enumerate(graph.operations):
             before = len(self.builder.operations)
             self.exact[index] = self._lowered(index, operation)
@@ -259,6 +273,7 @@ class _Lowering:
         return signal_of(self.graph.origins[index])
 
     def _form(self, index: int, signal: SignalName, unsigned: bool = False) -> Fixed:
+        self.signals.add(signal.name)
         wanted = self.specification.form(signal.signal_class, signal.name)
         signed = not (unsigned or signal.unsigned)
         if isinstance(wanted, Fixed):
