@@ -48,8 +48,9 @@ def read_plots(path: str | Path, model: Model) -> Plots:
     of a track stand in the order of time.
 
     Raises:
-        DataError: a column is missing, a cell is no number or infinite, rows are ragged, or the file is
-            empty, unreadable or too large; the message names file, line, column and value.
+        DataError: a column is missing, a cell is no number or infinite, rows are ragged, time runs back
+            within a track, or the file is empty, unreadable or too large; the message names file, line,
+            column and value.
     """
     source = Path(path)
     name = shown(str(path))[1:-1]
@@ -228,6 +229,9 @@ def _arranged(table: _Table, model: Model) -> Plots:
         if len(missing):
             raise DataError(f"{table.place(int(missing[0]), name)}: empty: a control is known at every step")
     ids, track, step = _places(table)
+    times = table.numbers("time") if "time" in table.columns else None
+    if times is not None:
+        _check_order(table, ids, track, times)
     shape = (int(step.max()) + 1, len(ids))
     cells = shape[0] * shape[1] * (model.m + model.p + len(truths) + 2)
     if cells > MAX_CELLS:
@@ -249,9 +253,25 @@ def _arranged(table: _Table, model: Model) -> Plots:
         z=spread(measured),
         u=np.nan_to_num(spread(controls)),
         active=active,
-        time=spread([table.numbers("time")])[:, :, 0] if "time" in table.columns else None,
+        time=None if times is None else spread([times])[:, :, 0],
         truth=spread(truths) if truths else None,
     )
+
+
+def _check_order(table: _Table, ids: tuple[str, ...], track: NDArray[np.int64], times: Array) -> None:
+    """Within a track time runs on; it is the order of the rows that the filter follows."""
+    rows = np.flatnonzero(~np.isnan(times))
+    rows = rows[np.argsort(track[rows], kind="stable")]
+    before, after = rows[:-1], rows[1:]
+    back = (track[before] == track[after]) & (times[after] < times[before])
+    if back.any():
+        k = int(np.flatnonzero(back)[np.argmin(after[back])])
+        row, earlier = int(after[k]), int(before[k])
+        of_track = f" of track {shown(ids[track[row]])}" if "track" in table.columns else ""
+        raise DataError(
+            f"{table.place(row, 'time')}: {shown(float(times[row]))} s is before the "
+            f"{shown(float(times[earlier]))} s of {table.line(earlier)}{of_track}: sort the rows by time"
+        )
 
 
 def _required(table: _Table, column: str, kind: str) -> Array:
