@@ -150,3 +150,39 @@ def test_without_a_c_compiler_the_engine_is_slow_but_the_same(monkeypatch):
     z = {f"z[{axis}]": np.random.default_rng(5).integers(-32768, 32768, (6, 2)) for axis in range(2)}
     flags, active = {"initialise": np.arange(6)[:, None] < np.ones(2, int)}, np.ones((6, 2), bool)
     assert_same(slow.run(z, flags, monitor=True), fast.run(z, flags, monitor=True), active)
+
+
+@pytest.mark.parametrize(
+    ("width", "signed", "dtype"),
+    [
+        (8, True, "int16"),
+        (16, True, "int16"),
+        (16, False, "uint16"),
+        (17, False, "int32"),
+        (32, False, "uint32"),
+        (64, True, "int64"),
+        (64, False, "object"),
+    ],
+)
+def test_results_are_the_narrowest_integers_that_hold_their_format(width, signed, dtype):
+    b, form = Builder(), Fixed(width=width, fraction=0, signed=signed)
+    b.states["x[0]"] = b.outputs["y"] = b.input("z[0]", form)
+    ends = [[form.lowest, form.highest]] * 3
+    trace = Engine.of(b.typed()).run({"z[0]": np.array(ends, dtype=object)}, {})
+    for values in (trace.outputs["y"], trace.states["x[0]"]):
+        assert values.dtype == dtype
+        assert values.tolist() == ends
+
+
+def test_large_results_do_not_overlap():
+    engine = Engine.of(radar())
+    random = np.random.default_rng(6)
+    z = {f"z[{axis}]": random.integers(-9000, 9000, (2000, 301)) for axis in range(2)}
+    flags = {"initialise": np.arange(2000)[:, None] < np.full(301, 1)}
+    whole = engine.run(z, flags)
+    assert sum(values.nbytes for values in (*whole.outputs.values(), *whole.states.values())) > 1 << 23
+    part = engine.run({k: v[:, 7:9] for k, v in z.items()}, {k: v[:, 7:9] for k, v in flags.items()})
+    for name, values in part.states.items():
+        assert np.array_equal(values, whole.states[name][:, 7:9]), name
+    for name, values in part.outputs.items():
+        assert np.array_equal(values, whole.outputs[name][:, 7:9]), name
