@@ -295,3 +295,12 @@ def test_the_largest_model_comes_back_from_its_text(tmp_path):
     design = Design(name="largest", model=model)
     dump(design, tmp_path / "largest.toml")
     assert_same(Design.load(tmp_path / "largest.toml"), design)
+
+
+def test_the_excerpt_of_the_readme_is_the_design_whose_figures_stand_beside_it():
+    """But for the units of its states, which only reports show."""
+    readme = (DESIGNS.parent / "README.md").read_text(encoding="utf-8")
+    excerpt = loads(readme.partition("```toml\n")[2].partition("```")[0])
+    whole = Design.load(DESIGNS / "lee1997.toml")
+    lines = [line for line in dumps(whole).splitlines() if not line.startswith("unit =")]
+    assert dumps(excerpt).splitlines() == lines
