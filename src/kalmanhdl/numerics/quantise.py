@@ -5,7 +5,6 @@ brought into a format once; sums in between are exact. Constant multiplications 
 """
 
 import math
-from collections.abc import Sequence
 from fractions import Fraction
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, rounded
@@ -13,8 +12,10 @@ from kalmanhdl.errors import FormatError
 from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import (
     Add,
+    Binary,
     Constant,
     Divide,
+    Function,
     Graph,
     Input,
     Multiply,
@@ -27,13 +28,18 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    Table,
+    Unary,
     is_flag,
 )
 from kalmanhdl.graph.simplify import TERM
+from kalmanhdl.numerics.functions.circuit import Circuit
+from kalmanhdl.numerics.functions.lowering import REACH, lowered
+from kalmanhdl.numerics.functions.method import method_for
 from kalmanhdl.numerics.interval import Typed, least_divisor, reciprocal_interval, smallest, type_of
 from kalmanhdl.numerics.ranges import Ranges, cone
 from kalmanhdl.numerics.signals import SignalName, signal_of
-from kalmanhdl.numerics.signed_digits import canonical_signed_digits
+from kalmanhdl.numerics.signed_digits import multiplied
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
 from kalmanhdl.validation import InvalidValueError, nearest
@@ -44,6 +50,10 @@ _GUARD = 4
 # How far beyond the values that were observed a format reaches, per class.
 # Innovations of real sensors, with their outliers and biases, go far beyond those of the model.
 _MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
+
+
+# Their arguments are squared, or turned with as many bits as they have.
+_OF_POINTS = (Function.ARCTANGENT, Function.HYPOTENUSE)
 
 
 def quantise(
@@ -119,6 +129,12 @@ class _Lowering:
                 return self._reciprocal(self._divisor(a), max(self.ranges.low[a], _TINY))
             case Divide(a, b):
                 return self._quotient(index, a, b)
+            case Unary(function, a):
+                return self._function(index, function, a)
+            case Binary(function, a, b):
+                return self._function(index, function, a, b)
+            case Table(a, rows):
+                return self._row(index, a, rows)
             case Select(flag, a, b):
                 return builder.select(self.exact[flag], *self._addends(a, b))
             case _:
@@ -216,27 +232,7 @@ class _Lowering:
         return self.builder.constant(constant)
 
     def _by_constant(self, factor: Fraction, index: int) -> int:
-        factor = _significant(factor, self._constant_width())
-        builder = self.builder
-        negative, exponent = factor < 0, factor.denominator.bit_length() - 1
-        digits = canonical_signed_digits(abs(factor.numerator))
-        terms = [(sign, builder.shift(index, place - exponent)) for sign, place in digits]
-        total = self._total(terms)
-        return builder.negate(total) if negative else total
-
-    def _total(self, terms: Sequence[tuple[int, int]]) -> int:
-        """A balanced tree over signed terms, of which the last is positive."""
-        while len(terms) > 1:
-            pairs = [terms[k : k + 2] for k in range(0, len(terms), 2)]
-            terms = [self._pair(*pair) if len(pair) == 2 else pair[0] for pair in pairs]
-        sign, index = terms[0]
-        return index if sign > 0 else self.builder.negate(index)
-
-    def _pair(self, a: tuple[int, int], b: tuple[int, int]) -> tuple[int, int]:
-        (p, x), (q, y) = a, b
-        if p == q:
-            return p, self.builder.add(x, y)
-        return 1, self.builder.subtract(x, y) if p > 0 else self.builder.subtract(y, x)
+        return multiplied(self.builder, _significant(factor, self._constant_width()), index)
 
     def _quotient(self, index: int, a: int, b: int) -> int:
         """A quotient whose divisor may come near zero goes by the reciprocal, which is watched."""
@@ -263,6 +259,28 @@ class _Lowering:
                 self.given[made] = Fixed(width=wanted, fraction=wanted - integer, signed=False)
         return made
 
+    def _function(self, index: int, function: Function, *arguments: int) -> int:
+        """A function of arguments as they are, but of squared ones, which are multiplied."""
+        method = self.specification.functions
+        form = self._form(index, self._signal(index))
+        if method is None:
+            method = method_for(form.width)
+        near = self._near if function in _OF_POINTS else self.own
+        circuit = Circuit(self.builder, self.type)
+        return lowered(circuit, function, tuple(map(near, arguments)), form, method)
+
+    def _row(self, index: int, a: int, rows: tuple[Fraction, ...]) -> int:
+        """A row in the format of its value; a number beyond the last row gives the last one."""
+        form = self._form(index, self._signal(index))
+        number = Fixed(width=max(1, (len(rows) - 1).bit_length()), fraction=0, signed=False)
+        specification, place = self.specification, self._quantised(self.own(a), number)
+        if self.type(place)[0].fraction:
+            place = self.builder.intern(
+                Quantise(place, number, specification.rounding, specification.overflow)
+            )
+        rounded_rows = tuple(form.real(form.nearest(row)) for row in rows)
+        return Circuit(self.builder, self.type).row(place, rounded_rows)
+
     def _constant_width(self) -> int:
         form = self.specification.form("constant")
         return form.width if isinstance(form, Fixed) else form
@@ -280,6 +298,9 @@ class _Lowering:
             return wanted if wanted.signed == signed or signed else _unsigned(wanted)
         greatest = max(abs(self.ranges.low[index]), abs(self.ranges.high[index]))
         greatest *= _MARGIN.get(signal.signal_class, 1.0)
+        operation = self.graph.operations[index]
+        if isinstance(operation, Unary | Binary):
+            greatest = min(greatest, REACH.get(operation.function, greatest))
         integer = math.frexp(greatest)[1] if greatest else 0
         return Fixed(width=wanted, fraction=wanted - integer - signed, signed=signed)
 

@@ -1,5 +1,10 @@
 """Constant multiplication as shifts and adds."""
 
+from collections.abc import Sequence
+from fractions import Fraction
+
+from kalmanhdl.graph.builder import Builder
+
 
 def canonical_signed_digits(value: int) -> list[tuple[int, int]]:
     """The canonical signed digit form of an integer: (sign, exponent), from the least exponent up.
@@ -15,3 +20,27 @@ def canonical_signed_digits(value: int) -> list[tuple[int, int]]:
         value >>= 1
         exponent += 1
     return digits
+
+
+def multiplied(builder: Builder, factor: Fraction, index: int) -> int:
+    """A binary fraction times a value, as a balanced tree over shifted copies of the value."""
+    negative, exponent = factor < 0, factor.denominator.bit_length() - 1
+    digits = canonical_signed_digits(abs(factor.numerator))
+    total = _total(builder, [(sign, builder.shift(index, place - exponent)) for sign, place in digits])
+    return builder.negate(total) if negative else total
+
+
+def _total(builder: Builder, terms: Sequence[tuple[int, int]]) -> int:
+    """A balanced tree over signed terms, of which the last is positive."""
+    while len(terms) > 1:
+        pairs = [terms[k : k + 2] for k in range(0, len(terms), 2)]
+        terms = [_pair(builder, *pair) if len(pair) == 2 else pair[0] for pair in pairs]
+    sign, index = terms[0]
+    return index if sign > 0 else builder.negate(index)
+
+
+def _pair(builder: Builder, a: tuple[int, int], b: tuple[int, int]) -> tuple[int, int]:
+    (p, x), (q, y) = a, b
+    if p == q:
+        return p, builder.add(x, y)
+    return 1, builder.subtract(x, y) if p > 0 else builder.subtract(y, x)

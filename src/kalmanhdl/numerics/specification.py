@@ -8,11 +8,13 @@ from typing import Literal, TypeVar
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.numerics.functions.method import Cordic, FunctionMethod, Interpolation
 from kalmanhdl.validation import InvalidValueError, nearest, shown
 
 MAX_WIDTH = 1024
 MAX_FRACTION = 4096
 MAX_INDEX_BITS = 16
+MAX_FUNCTION_INDEX_BITS = 12
 MAX_ITERATIONS = 8
 MAX_COAST = 32
 DEFAULT_WIDTH = 16
@@ -50,6 +52,8 @@ class FixedSpecification:
     decoupled component: the general form of the normalisation by sigma**2 of lee1997, eq. 14; one number
     for all, or one per state, equal within a component.
 
+    ``functions`` is how sines and the like are computed; None chooses by the width of each result.
+
     The formats hold what runs of up to ``coast`` missed measurements do to the covariance.
 
     Raises:
@@ -64,6 +68,7 @@ class FixedSpecification:
     scale: Literal["auto"] | tuple[float, ...] = "auto"
     covariance_scale: Literal["auto"] | float | tuple[float, ...] = "auto"
     division: DivisionMethod = field(default_factory=LongDivision)
+    functions: FunctionMethod | None = None
     coast: int = 5
 
     def __post_init__(self) -> None:
@@ -83,6 +88,7 @@ class FixedSpecification:
         _check_scale("scale", self.scale)
         _check_scale("covariance_scale", self.covariance_scale)
         _check_division(self.division)
+        _check_functions(self.functions)
         if (
             isinstance(self.coast, bool)
             or not isinstance(self.coast, int)
@@ -154,3 +160,14 @@ def _check_division(division: DivisionMethod) -> None:
     if not 0 <= division.iterations <= MAX_ITERATIONS:
         problem = f" newton = {shown(division.iterations)}: 0 to {MAX_ITERATIONS} iterations"
         raise InvalidValueError("numerics", "division", problem)
+
+
+def _check_functions(functions: FunctionMethod | None) -> None:
+    if functions is None or isinstance(functions, Cordic):
+        return
+    if not isinstance(functions, Interpolation):
+        problem = f' = {shown(functions)}: "auto", "cordic" or {{ table = 8 }}'
+        raise InvalidValueError("numerics", "functions", problem)
+    if not 1 <= functions.index_bits <= MAX_FUNCTION_INDEX_BITS:
+        problem = f" table = {shown(functions.index_bits)}: an index has 1 to {MAX_FUNCTION_INDEX_BITS} bits"
+        raise InvalidValueError("numerics", "functions", problem)
