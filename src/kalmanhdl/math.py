@@ -24,37 +24,38 @@ def cos(a: Scalar) -> Any:
 
 def sqrt(a: Scalar) -> Any:
     """The square root of a number of 0 or more."""
-    return _applied(Function.SQUARE_ROOT, a)
+    return applied(Function.SQUARE_ROOT, a)
 
 
 def exp(a: Scalar) -> Any:
     """The natural exponential."""
-    return _applied(Function.EXPONENTIAL, a)
+    return applied(Function.EXPONENTIAL, a)
 
 
 def atan2(y: Scalar, x: Scalar) -> Any:
     """The angle of the point (x, y), from -pi to pi."""
-    return _TURN * _applied(Function.ARCTANGENT, y, x)
+    return _TURN * applied(Function.ARCTANGENT, y, x)
 
 
 def hypot(x: Scalar, y: Scalar) -> Any:
     """sqrt(x^2 + y^2)."""
-    return _applied(Function.HYPOTENUSE, x, y)
+    return applied(Function.HYPOTENUSE, x, y)
 
 
 def wrap(angle: Scalar) -> Any:
     """The angle less whole turns, from -pi to pi."""
-    return _TURN * _applied(Function.WRAP, angle * (1 / _TURN))
+    return _TURN * applied(Function.WRAP, angle * (1 / _TURN))
 
 
 def _sine(function: Function, a: Scalar) -> Any:
     if isinstance(a, Signal):
-        return _applied(function, a * (1 / _TURN))
+        return applied(function, a * (1 / _TURN))
     # In radians as they are: one rounding less.
     return np.sin(a) if function is Function.SINE else np.cos(a)
 
 
-def _applied(function: Function, *arguments: Scalar) -> Any:
+def applied(function: Function, *arguments: Scalar) -> Any:
+    """A function of a graph, angles in turns, of one or two elements."""
     signals = [each for each in arguments if isinstance(each, Signal)]
     if not signals:
         return value_of(function, *arguments)

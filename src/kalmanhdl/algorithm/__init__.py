@@ -2,6 +2,7 @@
 
 from kalmanhdl.algorithm.bierman_thornton import BiermanThornton
 from kalmanhdl.algorithm.conventional import Conventional
+from kalmanhdl.algorithm.extended import Extended
 from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.interacting import Interacting
 from kalmanhdl.algorithm.joseph import Joseph
@@ -13,13 +14,14 @@ __all__ = [
     "Algorithm",
     "BiermanThornton",
     "Conventional",
+    "Extended",
     "Interacting",
     "Joseph",
     "Sequential",
 ]
 
 _LINEAR: tuple[type[Algorithm], ...] = (BiermanThornton, Conventional, Joseph, Sequential)
-_OTHERS: tuple[type[Algorithm], ...] = (Interacting,)
+_OTHERS: tuple[type[Algorithm], ...] = (Extended, Interacting)
 
 LINEAR = tuple(each.kind for each in _LINEAR)
 """The algorithms for linear models, by their words in a design file."""

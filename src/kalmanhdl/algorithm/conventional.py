@@ -7,7 +7,7 @@ import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
 from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
-from kalmanhdl.algorithm.gain import Gain, direct, normalised_innovation_squared, optimal_gain
+from kalmanhdl.algorithm.gain import Gain, Observation, direct, normalised_innovation_squared, optimal_gain
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, select
 from kalmanhdl.model.model import Model
@@ -33,12 +33,19 @@ class Conventional(Algorithm):
 
 def conventional_update(model: LinearModel, prior: Belief, given: Given) -> Correction:
     y = innovation(model, prior.x, given)
-    gain = optimal_gain(model, prior, given.valid)
-    P = symmetric(_covariance(model, prior, gain, given.valid))
+    return conventional_correction(model, prior, given.valid, y)
+
+
+def conventional_correction(
+    model: Observation, prior: Belief, valid: tuple[Condition, ...], y: Array
+) -> Correction:
+    """The update by an innovation y (m,), zero where a component is missed."""
+    gain = optimal_gain(model, prior, valid)
+    P = symmetric(_covariance(model, prior, gain, valid))
     return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
 
 
-def _covariance(model: LinearModel, prior: Belief, gain: Gain, valid: tuple[Condition, ...]) -> Array:
+def _covariance(model: Observation, prior: Belief, gain: Gain, valid: tuple[Condition, ...]) -> Array:
     """P - K H P, block by block; a column that H measures directly is K R, since P H' = K R after it."""
     P = prior.P.copy()
     measured = direct(model.H)

@@ -1,13 +1,37 @@
 """The gain of the optimal filter, and what can be had from it without a multiplication."""
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from kalmanhdl.algorithm.filter import Belief
 from kalmanhdl.graph.linear_algebra import blocks, inverse, symmetric
 from kalmanhdl.graph.signal import Array, Condition, both, is_zero, named, select
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Array as Numbers
+
+
+class Observation(Protocol):
+    """z = H x + v, v ~ N(0, R), of a linear model or of one that is linearised about a state.
+
+    H (m, n) holds numbers or elements, R (m, m) numbers, nis_weight (m,) numbers or None.
+    """
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+
+    @property
+    def H(self) -> Any:
+        """What the measurements see of the states."""
+
+    @property
+    def R(self) -> Numbers:
+        """The covariance of the measurement noise."""
+
+    @property
+    def nis_weight(self) -> Numbers | None:
+        """The weight of each measurement in the normalised innovation squared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +50,7 @@ class Gain:
     blocks: list[list[int]]
 
 
-def optimal_gain(model: LinearModel, prior: Belief, valid: tuple[Condition, ...]) -> Gain:
+def optimal_gain(model: Observation, prior: Belief, valid: tuple[Condition, ...]) -> Gain:
     """K = P H' S^-1 with S = H P H' + R, lee1997 eq. 6.
 
     A missed component is cut out of S: its row and column keep the diagonal only. Where a measurement
@@ -58,15 +82,14 @@ def direct(H: Array) -> dict[int, int]:
 
     A state that several measurements see is left out.
     """
-    rows = {j: np.flatnonzero(row) for j, row in enumerate(H)}
-    return {
-        j: int(columns[0])
-        for j, columns in rows.items()
-        if len(columns) == 1 and np.count_nonzero(H[:, columns[0]]) == 1
-    }
+    filled = np.array([[not is_zero(element) for element in row] for row in H])
+    once = filled.sum(axis=0) == 1
+    rows = {j: np.flatnonzero(row) for j, row in enumerate(filled)}
+    alone = {j: int(i[0]) for j, i in rows.items() if len(i) == 1 and once[i[0]]}
+    return {j: i for j, i in alone.items() if isinstance(H[j, i], float)}
 
 
-def normalised_innovation_squared(model: LinearModel, gain: Gain, y: Array) -> object:
+def normalised_innovation_squared(model: Observation, gain: Gain, y: Array) -> object:
     """y' S^-1 y over the valid components; y is zero for the others.
 
     Components whose covariances are in different units (``model.nis_weight``) are weighted first.
@@ -76,7 +99,7 @@ def normalised_innovation_squared(model: LinearModel, gain: Gain, y: Array) -> o
     return squares.sum() if model.nis_weight is None else squares @ model.nis_weight.astype(object)
 
 
-def _by_division(model: LinearModel, PHt: Array, S: Array) -> tuple[Array, Array]:
+def _by_division(model: Observation, PHt: Array, S: Array) -> tuple[Array, Array]:
     """Gain and inverse for a diagonal S: divisions, which share a reciprocal where that pays."""
     n, m = PHt.shape
     K, S_inverse = np.zeros((n, m), object), np.zeros((m, m), object)

@@ -7,7 +7,7 @@ import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
 from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
-from kalmanhdl.algorithm.gain import normalised_innovation_squared, optimal_gain
+from kalmanhdl.algorithm.gain import Observation, normalised_innovation_squared, optimal_gain
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, named, select
 from kalmanhdl.model.model import Model
@@ -33,12 +33,19 @@ class Joseph(Algorithm):
 
 def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:
     y = innovation(model, prior.x, given)
-    gain = optimal_gain(model, prior, given.valid)
-    P = joseph_covariance(model, prior, gain.K, given.valid)
+    return joseph_correction(model, prior, given.valid, y)
+
+
+def joseph_correction(
+    model: Observation, prior: Belief, valid: tuple[Condition, ...], y: Array
+) -> Correction:
+    """The update by an innovation y (m,), zero where a component is missed."""
+    gain = optimal_gain(model, prior, valid)
+    P = joseph_covariance(model, prior, gain.K, valid)
     return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
 
 
-def joseph_covariance(model: LinearModel, prior: Belief, K: Array, valid: tuple[Condition, ...]) -> Array:
+def joseph_covariance(model: Observation, prior: Belief, K: Array, valid: tuple[Condition, ...]) -> Array:
     """(I - K H) P (I - K H)' + K R K' for any gain K, whose columns of missed components count as zero."""
     K = named("update: Kv", _of_valid(K, valid))
     A = named("update: A", np.eye(model.n).astype(object) - K @ model.H.astype(object))

@@ -198,6 +198,8 @@ class Builder:
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
             return self.constant(float(value_of(function, float(x), float(y))))
+        if function is Function.HYPOTENUSE:
+            a, b = min(a, b), max(a, b)
         return self.intern(Binary(function, a, b))
 
     def select(self, flag: int, a: int, b: int) -> int:

@@ -47,6 +47,18 @@ class Signal:
     def __rtruediv__(self, other: Any) -> "Signal":
         return self._signal(self.builder.divide(self._lift(other), self.index))
 
+    def __pow__(self, exponent: Any) -> "Signal":
+        """A power by a whole number other than 0: squares, multiplied together."""
+        if isinstance(exponent, Signal) or int(exponent) != exponent or not exponent:
+            return NotImplemented
+        result, square, rest = None, self, abs(int(exponent))
+        while rest:
+            if rest % 2:
+                result = square if result is None else result * square
+            square, rest = square * square if rest > 1 else square, rest // 2
+        assert result is not None
+        return 1.0 / result if exponent < 0 else result
+
     def __neg__(self) -> "Signal":
         return self._signal(self.builder.negate(self.index))
 

@@ -1,0 +1,383 @@
+"""Nonlinear models: x(k) = f(x(k-1), u(k)) + G w, z(k) = h(x(k)) + v, with w ~ N(0, Q) and v ~ N(0, R)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kalmanhdl.graph.elements import elements, rows
+from kalmanhdl.graph.signal import Array as Elements
+from kalmanhdl.model import checks
+from kalmanhdl.model.expression import RESERVED
+from kalmanhdl.model.formulas import Formulas, Given, formulas, texts
+from kalmanhdl.model.model import Seen, root
+from kalmanhdl.model.state_space import Dynamics, Initial, InitialRule, checked_initial
+from kalmanhdl.model.units import Units, divided
+from kalmanhdl.validation import nearest, shown
+
+Array = NDArray[np.float64]
+
+Texts = Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeasuredInitial:
+    """A track starts from the first row that is complete: x := mean(z, u), P := J R J' + P.
+
+    J (n, m) is the derivative of ``mean`` by z: what the measurements say is as good as they are; P
+    (n, n) is what they do not say. Source: the first-order transformation of a covariance, Bar-Shalom,
+    Li, Kirubarajan 2001, section 1.4.
+    """
+
+    mean: Formulas
+    slope: Formulas
+    P: Array
+    points: int = 1
+    before_update: bool = False
+    takes_measurements: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The start from the first row, as a user gives it: formulas in the measurements, and P (n, n)."""
+
+    x: Given
+    P: ArrayLike
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonlinearModel:
+    """What is estimated, by formulas over elements. Made by ``nonlinear_model``.
+
+    Shapes: f (n,), h (m,), their derivatives F (n, n) and H (m, n); G (n, q) and Q (q, q), or None and
+    (n, n); R (m, m). Formulas are in real units and ``units`` says those that the model is in; matrices
+    and the affine start are in the latter.
+    """
+
+    kind: ClassVar[str] = "nonlinear"
+    suited: ClassVar[tuple[str, ...]] = ("extended",)
+
+    f: Formulas
+    h: Formulas
+    F: Formulas
+    H: Formulas
+    G: Formulas | None
+    Q: Array
+    R: Array
+    initial: Initial | MeasuredInitial
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    measurement_names: tuple[str, ...]
+    control_names: tuple[str, ...]
+    # Measurements and states that are angles in rad, known but for whole turns.
+    angles: frozenset[int]
+    state_angles: frozenset[int]
+    measurement_range: Array | None
+    units: Units
+    # What a file says of the formulas, by key, and its constants; keys of Python functions are left out.
+    texts: Texts = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    nis_weight: Array | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.state_names)
+
+    @property
+    def m(self) -> int:
+        """Number of measurements."""
+        return len(self.measurement_names)
+
+    @property
+    def p(self) -> int:
+        """Number of controls."""
+        return len(self.control_names)
+
+    @property
+    def seen(self) -> dict[int, Seen]:
+        """The measurements that are one state times a number, plus an offset."""
+        found = {}
+        for j, (slopes, states) in enumerate(zip(self._constant_slopes, self.dependence, strict=True)):
+            (seen,) = np.nonzero(states)
+            if len(seen) == 1 and np.isfinite(slopes[seen[0]]):
+                offset = self.observation(np.zeros(self.n).astype(object))[j]
+                found[j] = Seen(state=int(seen[0]), factor=float(slopes[seen[0]]), offset=float(offset))
+        return found
+
+    @cached_property
+    def _constant_slopes(self) -> Array:
+        """The elements of H that are numbers, NaN for the others."""
+        varying = self.H.dependence("x", self.n).any(axis=1).reshape(self.m, self.n)
+        with np.errstate(all="ignore"):
+            there = rows(self.observation_slope(elements(np.ones((1, self.n)))), (1,))[0]
+        return np.where(varying, np.nan, there)
+
+    @cached_property
+    def dependence(self) -> NDArray[np.bool_]:
+        """Which states each measurement depends on. Shape (m, n)."""
+        return self.h.dependence("x", self.n)
+
+    def transition(self, x: Elements, u: Elements) -> Elements:
+        """f(x, u)."""
+        return self.f(**self._real(x, u)) / self.units.state
+
+    def transition_slope(self, x: Elements, u: Elements) -> Elements:
+        """The derivative of f by x (n, n)."""
+        d = self.units.state
+        return self.F(**self._real(x, u)) * (d / d[:, None])
+
+    def process_noise(self, x: Elements, u: Elements) -> Elements:
+        """The covariance (n, n) of what chance adds to f(x, u)."""
+        if self.G is None:
+            return self.Q.astype(object)
+        d, c = self.units.state, self.units.covariance
+        gain = self.G(**self._real(x, u)).reshape(self.n, len(self.Q)) / (d * np.sqrt(c))[:, None]
+        return np.asarray(gain @ self.Q.astype(object) @ gain.T)
+
+    def observation(self, x: Elements) -> Elements:
+        """h(x)."""
+        return self.h(x=x * self.units.state) / self.units.measurement
+
+    def observation_slope(self, x: Elements) -> Elements:
+        """The derivative of h by x (m, n)."""
+        d, e = self.units.state, self.units.measurement
+        return self.H(x=x * d) * (d / e[:, None])
+
+    def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
+        """Mean and covariance that ``initialise`` makes; see ``Initial`` and ``MeasuredInitial``."""
+        initial = self.initial
+        if isinstance(initial, Initial):
+            return initial.mean(x, z, u), initial.P.astype(object)
+        d, e = self.units.state, self.units.measurement
+        real = {"z": z * e, "u": u * self.units.control}
+        slope = initial.slope(**real) * (e / d[:, None])
+        # R is in the units of the measurements' covariances, P in those of the states'.
+        measured = self.units.of_measured(self.dependence)
+        R = self.R * np.sqrt(np.outer(measured, measured))
+        spread = np.sqrt(np.outer(self.units.covariance, self.units.covariance))
+        P = (slope @ R.astype(object) @ slope.T) / spread + initial.P.astype(object)
+        return initial.mean(**real) / d, P
+
+    def first_states(self, random: np.random.Generator, tracks: int) -> Array:
+        """True states (tracks, n) at the first plot: from the belief, or from anywhere that plots can be."""
+        z = np.zeros((tracks, self.m))
+        if self.initial.takes_measurements:
+            assert self.measurement_range is not None
+            low, high = self.measurement_range.T
+            z = low + (high - low) * random.random((tracks, self.m))
+        nothing = np.zeros((tracks, self.n)), np.zeros((tracks, self.p))
+        mean, _ = self.start(elements(nothing[0]), elements(z), elements(nothing[1]))
+        spread = root(self.initial.P)
+        return rows(mean, (tracks,)) + random.standard_normal((tracks, self.n)) @ spread.T
+
+    def trajectories(self, x: Array, u: Array, noise: Array, random: np.random.Generator) -> Array:
+        """True states (steps, tracks, n) that begin with x; see ``model.model.Model``."""
+        result = np.empty((len(u), *x.shape))
+        result[0] = x
+        drift = noise @ root(self.Q).T
+        for k in range(1, len(u)):
+            before, controls = elements(result[k - 1]), elements(u[k])
+            moved = rows(self.transition(before, controls), x.shape[:1])
+            if self.G is None:
+                result[k] = moved + drift[k]
+            else:
+                gain = rows(self.G(**self._real(before, controls)), x.shape[:1])
+                shape = (*x.shape[:1], self.n, len(self.Q))
+                result[k] = moved + np.einsum("tnq,tq->tn", gain.reshape(shape), drift[k]) / self.units.state
+        return result
+
+    def in_units(self, units: Units) -> "NonlinearModel":
+        """The same model in other units."""
+        measured = units.of_measured(self.dependence)
+        initial, limits = self.initial, self.measurement_range
+        return replace(
+            self,
+            Q=divided(self.Q, units.state, units.covariance) if self.G is None else self.Q,
+            R=divided(self.R, units.measurement, measured),
+            initial=initial.in_units(units)
+            if isinstance(initial, Initial)
+            else replace(initial, P=divided(initial.P, units.state, units.covariance)),
+            measurement_range=None if limits is None else limits / units.measurement[:, None],
+            units=units,
+            nis_weight=None if np.all(measured == 1.0) else 1.0 / measured,
+        )
+
+    def _real(self, x: Elements, u: Elements) -> dict[str, Elements]:
+        return {"x": x * self.units.state, "u": u * self.units.control}
+
+
+def nonlinear_model(
+    f: Given,
+    h: Given,
+    Q: ArrayLike,
+    R: ArrayLike,
+    *,
+    initial: Initial | InitialRule | Measured,
+    state_names: Sequence[str],
+    measurement_names: Sequence[str],
+    control_names: Sequence[str] = (),
+    constants: Mapping[str, float] | None = None,
+    G: Sequence[Sequence[Any]] | Array | None = None,
+    angles: Sequence[str] = (),
+    state_units: Sequence[str] | None = None,
+    measurement_range: ArrayLike | None = None,
+) -> NonlinearModel:
+    """A checked model from formulas.
+
+    f is n formulas in states, controls and constants, h is m in states and constants, each a list of
+    strings, SymPy expressions and numbers, or a Python function: f(x), f(x, u) where there are controls,
+    and h(x), over arrays of elements, which computes with + - * / ** and ``kalmanhdl.math``. Q (n, n) is
+    added to the state, or, with G (n, q), Q (q, q) is the covariance of a noise that enters by G, whose
+    elements may be numbers and formulas as those of f. R is (m, m). ``angles`` are names of measurements
+    and states in rad, known but for whole turns.
+
+    Raises:
+        ModelError: names, formulas, shapes, covariances, a start that cannot be.
+    """
+    states = checks.names("state", _listed("state", state_names, checks.MAX_STATES), len(state_names), "x")
+    measured = _listed("measurement", measurement_names, checks.MAX_MEASUREMENTS)
+    measured = checks.names("measurement", measured, len(measured), "z")
+    controls = checks.names("control", control_names, len(control_names), "u")
+    checks.check_columns(measured, controls)
+    constants = dict(constants or {})
+    _check_names(states, measured, controls, constants)
+    n, m = len(states), len(measured)
+    moving = {"x": states, "u": controls}
+    f_formulas = formulas("f", f, n, moving, constants)
+    h_formulas = formulas("h", h, m, {"x": states}, constants)
+    gain, Q = _noise(G, Q, n, moving, constants)
+    R = checks.array("R", R, (m, m), f"R is {m} x {m}, a row a measurement")
+    limits = checks.ranges(measurement_range, m)
+    return NonlinearModel(
+        f=f_formulas,
+        h=h_formulas,
+        F=f_formulas.jacobian("x", n),
+        H=h_formulas.jacobian("x", n),
+        G=gain,
+        Q=checks.covariance("Q", Q, definite=False),
+        R=checks.covariance("R", R, definite=True),
+        initial=_initial(initial, (states, measured, controls), constants, limits),
+        state_names=states,
+        state_units=checks.units(state_units, n),
+        measurement_names=measured,
+        control_names=controls,
+        angles=_angles(angles, measured, states),
+        state_angles=_angles(angles, states, measured),
+        measurement_range=limits,
+        units=Units(
+            state=np.ones(n), measurement=np.ones(m), control=np.ones(len(controls)), covariance=np.ones(n)
+        ),
+        texts=_texts({"f": f, "h": h, "x": initial.x if isinstance(initial, Measured) else ()}, G, gain),
+        constants=constants,
+    )
+
+
+def _listed(key: str, names: Sequence[str], most: int) -> Sequence[str]:
+    if isinstance(names, str) or not 1 <= len(names) <= most:
+        raise checks.fault(key, f" = {shown(names)}: a list of 1 to {most} names")
+    return names
+
+
+def _check_names(
+    states: Sequence[str], measured: Sequence[str], controls: Sequence[str], constants: Mapping[str, float]
+) -> None:
+    """A name in a formula has one meaning."""
+    for key, group in (("state", states), ("measurement", measured), ("control", controls)):
+        for name in group:
+            if name in RESERVED:
+                raise checks.fault(
+                    key, f": {name!r} has a meaning of its own in formulas: choose another name"
+                )
+            if name in constants:
+                raise checks.fault(key, f": {name!r} is a constant too: choose another name")
+    twice = sorted(set(states) & {*measured, *controls})
+    if twice:
+        problem = f": {twice[0]!r} is a measurement or a control too: give every one its own name"
+        raise checks.fault("state", problem)
+
+
+def _noise(
+    G: Sequence[Sequence[Any]] | Array | None,
+    Q: ArrayLike,
+    n: int,
+    arguments: Mapping[str, Sequence[str]],
+    constants: Mapping[str, float],
+) -> tuple[Formulas | None, Array]:
+    """The gain of the noise where it depends on states or controls, and Q, else none and G Q G'."""
+    if G is None:
+        return None, checks.array("Q", Q, (n, n), f"Q is {n} x {n}, a row a state")
+    table = [row if isinstance(row, list | tuple | np.ndarray) else () for row in G]
+    q = len(table[0]) if table else 0
+    if len(table) != n or not q or any(len(row) != q for row in table):
+        raise checks.fault("G", f" = {shown(G)}: G has {n} rows, one a state, each with one entry a noise")
+    gain = formulas("G", [entry for row in table for entry in row], n * q, arguments, constants)
+    matrix = checks.array("Q", Q, (q, q), f"Q is {q} x {q}, a row for each of the {q} columns of G")
+    if gain.dependence("x", n).any() or gain.dependence("u", len(arguments["u"])).any():
+        return gain, matrix
+    numbers = gain(x=np.zeros(n), u=np.zeros(len(arguments["u"]))).astype(np.float64).reshape(n, q)
+    return None, np.asarray(numbers @ matrix @ numbers.T)
+
+
+def _initial(
+    given: Initial | InitialRule | Measured,
+    names: tuple[Sequence[str], Sequence[str], Sequence[str]],
+    constants: Mapping[str, float],
+    limits: Array | None,
+) -> Initial | MeasuredInitial:
+    states, measured, controls = names
+    n, m, p = len(states), len(measured), len(controls)
+    if isinstance(given, Measured):
+        mean = formulas("initial.x", given.x, n, {"z": measured, "u": controls}, constants)
+        P = checks.array("initial.P", given.P, (n, n), f"P is {n} x {n}, a row a state")
+        found: Initial | MeasuredInitial = MeasuredInitial(
+            mean=mean, slope=mean.jacobian("z", m), P=checks.covariance("initial.P", P, definite=False)
+        )
+    else:
+        start = given if isinstance(given, Initial) else given(_unknown(states, m, p))
+        if not np.isfinite(start.x).all():
+            problem = (
+                ' = "before_first": a nonlinear model has no such start: give the belief for the first row'
+            )
+            raise checks.fault("initial.at", problem)
+        found = checked_initial(start, n, m, p)
+    if found.takes_measurements and limits is None:
+        problem = " is missing: a start from measurements needs it, to know where tracks begin"
+        raise checks.fault("measurement_range", problem)
+    return found
+
+
+def _unknown(states: Sequence[str], m: int, p: int) -> Dynamics:
+    """Matrices that a nonlinear model has not: what rests on them is no number."""
+    n = len(states)
+    return Dynamics(
+        F=np.full((n, n), np.nan),
+        H=np.full((m, n), np.nan),
+        Q=np.full((n, n), np.nan),
+        R=np.full((m, m), np.nan),
+        B=np.full((n, p), np.nan),
+        offset=np.full(n, np.nan),
+        measurement_offset=np.full(m, np.nan),
+        state_names=tuple(states),
+    )
+
+
+def _angles(angles: Sequence[str], names: Sequence[str], others: Sequence[str]) -> frozenset[int]:
+    known = {*names, *others}
+    for name in angles if not isinstance(angles, str) else [angles]:
+        if name not in known:
+            problem = (
+                f": {shown(name)} is neither a measurement nor a state: {nearest(str(name), sorted(known))}"
+            )
+            raise checks.fault("angles", problem)
+    return frozenset(place for place, name in enumerate(names) if name in angles)
+
+
+def _texts(given: Mapping[str, Given], G: Any, gain: Formulas | None) -> Texts:
+    found = {key: texts(key, each) for key, each in given.items() if not callable(each) and len(each)}
+    if gain is not None:
+        found["G"] = texts("G", [entry for row in G for entry in row])
+    return found
