@@ -2,6 +2,7 @@
 
 from kalmanhdl.algorithm.bierman_thornton import BiermanThornton
 from kalmanhdl.algorithm.conventional import Conventional
+from kalmanhdl.algorithm.converted import Converted
 from kalmanhdl.algorithm.extended import Extended
 from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.interacting import Interacting
@@ -14,6 +15,7 @@ __all__ = [
     "Algorithm",
     "BiermanThornton",
     "Conventional",
+    "Converted",
     "Extended",
     "Interacting",
     "Joseph",
@@ -21,7 +23,7 @@ __all__ = [
 ]
 
 _LINEAR: tuple[type[Algorithm], ...] = (BiermanThornton, Conventional, Joseph, Sequential)
-_OTHERS: tuple[type[Algorithm], ...] = (Extended, Interacting)
+_OTHERS: tuple[type[Algorithm], ...] = (Converted, Extended, Interacting)
 
 LINEAR = tuple(each.kind for each in _LINEAR)
 """The algorithms for linear models, by their words in a design file."""

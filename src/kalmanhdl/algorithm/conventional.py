@@ -57,8 +57,9 @@ def _covariance(model: Observation, prior: Belief, gain: Gain, valid: tuple[Cond
         (j,) = part
         if j in measured:
             i = measured[j]
-            column = gain.K[:, j] * (model.R[j, j] / model.H[j, i])
-            reduced[:, i] = reduced[i, :] = column
+            factor = model.R[j, j] / model.H[j, i]
+            for k in range(model.n):
+                reduced[k, i] = reduced[i, k] = gain.K[k, j] * factor
         touched = [
             [not _same(a, b) for a, b in zip(*rows, strict=True)] for rows in zip(reduced, P, strict=True)
         ]

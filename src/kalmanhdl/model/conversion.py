@@ -85,42 +85,46 @@ class Conversion:
             direction = [elevation[0] * azimuth[0], elevation[0] * azimuth[1], elevation[1]]
         return _vector([z[0] * (one * factor) for one, factor in zip(direction, self.factors, strict=True)])
 
-    def covariance(self, sight: Sight) -> Array:
-        """The covariance (2, 2) or (3, 3) of a position that is seen so, over elements."""
-        azimuth, angle = self.azimuth, sight.azimuth
-        variance = self.range_variance
-        u = sight.range_squared + self.range_added
-
-        def product(one: Any, other: Any) -> Any:
-            """The part of r^2 and that of sigma_r^2, of a product of azimuth and elevation."""
-            return u * one + other * variance
-
-        cosine, sine = angle
-        cs = cosine * sine
-        B_x, A_x, D_x = (_squares(factors, angle) for factors in (azimuth.B, azimuth.A, azimuth.D))
-        B_y, A_y, D_y = (_squares(factors, angle[::-1]) for factors in (azimuth.B, azimuth.A, azimuth.D))
+    def covariance(self, sight: Sight, weight: float = 1.0) -> Array:
+        """The covariance (2, 2) or (3, 3), times ``weight``, of a position seen so, over elements."""
+        u, variance = (sight.range_squared + self.range_added) * weight, self.range_variance * weight
         if self.elevation is None or sight.elevation is None:
-            xx, yy = product(D_x, B_x), product(D_y, B_y)
-            xy = cs * (u * azimuth.across_difference + azimuth.across * variance)
-            return _matrix([[xx, xy], [xy, yy]])
-        elevation, height = self.elevation, sight.elevation
-        B, A, D = (_squares(factors, height) for factors in (elevation.B, elevation.A, elevation.D))
-        xx = product(D_x * B + A_x * D, B_x * B)
-        yy = product(D_y * B + A_y * D, B_y * B)
-        xy = cs * product(D * azimuth.across + A * azimuth.across_difference, B * azimuth.across)
-        upright = (height[0] * height[1]) * (
-            u * (azimuth.m * elevation.across_difference) + variance * azimuth.m * elevation.across
-        )
-        xz, yz = cosine * upright, sine * upright
-        zz = product(_squares(elevation.D, height[::-1]), _squares(elevation.B, height[::-1]))
-        return _matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            return _flat(self.azimuth, sight.azimuth, u, variance)
+        return _solid(self.azimuth, sight.azimuth, self.elevation, sight.elevation, u, variance)
+
+
+def _flat(azimuth: _Angle, angle: Trigonometric, u: Any, variance: float) -> Array:
+    cosine, sine = angle
+    xx = u * _squares(azimuth.D, angle) + _squares(azimuth.B, angle) * variance
+    yy = u * _squares(azimuth.D, angle[::-1]) + _squares(azimuth.B, angle[::-1]) * variance
+    xy = cosine * sine * (u * azimuth.across_difference + azimuth.across * variance)
+    return _matrix([[xx, xy], [xy, yy]])
+
+
+def _solid(
+    azimuth: _Angle, angle: Trigonometric, elevation: _Angle, height: Trigonometric, u: Any, variance: float
+) -> Array:
+    (cosine, sine), (level, upright) = angle, height
+    B, A, D = (_squares(factors, height) for factors in (elevation.B, elevation.A, elevation.D))
+
+    def along(seen: Trigonometric) -> Any:
+        B_a, A_a, D_a = (_squares(factors, seen) for factors in (azimuth.B, azimuth.A, azimuth.D))
+        return u * (D_a * B + A_a * D) + B_a * B * variance
+
+    across = u * (D * azimuth.across + A * azimuth.across_difference) + B * (azimuth.across * variance)
+    difference, product = azimuth.m * elevation.across_difference, azimuth.m * elevation.across
+    inclined = level * upright * (u * difference + product * variance)
+    xx, yy, xy = along(angle), along(angle[::-1]), cosine * sine * across
+    xz, yz = cosine * inclined, sine * inclined
+    zz = u * _squares(elevation.D, height[::-1]) + _squares(elevation.B, height[::-1]) * variance
+    return _matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def conversion(variances: tuple[float, ...], unbiasing: Unbiasing = "debiased") -> Conversion:
     """The conversion under noises of ``variances``: range (m^2), azimuth, and in space elevation (rad^2).
 
     ``"debiased"``: the mean bias is subtracted, and the covariance is averaged over where the target may be
-    (Lerro & Bar-Shalom 1993, eq. 12 to 14; Suchomski 1999). ``"unbiased"``: the position is divided by
+    (Lerro & Bar-Shalom 1993; Suchomski 1999). ``"unbiased"``: the position is divided by
     exp(-sigma^2 / 2) for each angle, the covariance accordingly (Longbin et al., IEEE Transactions on
     Aerospace and Electronic Systems 34(3), 1998, eq. 9 and 11). ``"modified"``: mean and covariance of the
     position given its measurement and nothing else (Duan, Han & Li, ibid. 40(4), 2004).
