@@ -9,12 +9,14 @@ from hypothesis import given as forall
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from kalmanhdl.algorithm import Converted
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.design_file import dump, dumps, loads
 from kalmanhdl.errors import DesignError, ModelError, OutputError
-from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.converted import ConvertedModel
+from kalmanhdl.model.initial import given, three_point, two_point
 from kalmanhdl.model.motion import constant_acceleration, constant_velocity
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import linear_model
@@ -140,6 +142,87 @@ def test_every_motion_is_reachable_from_files_and_comes_back(keys, motion):
     np.testing.assert_array_equal(design.model.H, motion.H)
     assert design.model.state_names == motion.state_names
     assert_same(loads(dumps(design)), design)
+
+
+POLAR = """
+name = "boat"
+[model]
+kind = "constant_velocity"
+axes = ["north", "east"]
+T = 2
+noise = 1
+coordinates = "polar"
+R = { diagonal = [9, "0.02^2"] }
+measurement_range = [[1, 100], ["-pi", "pi"]]
+[model.initial]
+kind = "two_point"
+[algorithm]
+kind = "converted_measurement"
+"""
+
+
+def test_converted_measurements_are_reachable_from_files_and_come_back():
+    text = POLAR + 'unbiasing = "modified"\nat = "better"'
+    design = loads(text)
+    assert isinstance(design.model, ConvertedModel)
+    assert design.algorithm == Converted(unbiasing="modified", at="better")
+    assert design.model.measurement_names == ("range", "bearing")
+    assert design.model.variances == (9.0, 0.02**2)
+    assert design.model.initial.points == 2
+    assert design.model.initial.from_noise.shape == (4, 4)
+    assert_same(loads(dumps(design)), design)
+
+
+def test_three_points_are_reachable_from_files():
+    text = """
+        name = "target"
+        [model]
+        kind = "singer"
+        T = 1
+        tau = 10
+        noise = 1
+        R = [[4]]
+        [model.initial]
+        kind = "three_point"
+    """
+    design = loads(text)
+    motion = singer(T=1, tau=10, noise=1)
+    assert_same(
+        design.model.initial, linear_model(motion.F, motion.H, motion.Q, [[4]], initial=three_point()).initial
+    )
+    assert_same(loads(dumps(design)), design)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"polar"', '"spherical"', "coordinates = 'spherical' takes 3 axes: range, azimuth, elevation"),
+        ('"polar"', '"log"', "coordinates = 'log': write 'cartesian', 'polar' or 'spherical'"),
+        ("measurement_range = ", "measurement_offset = [1, 0]\nmeasurement_range = ", "measurement_offset"),
+        ('measurement_range = [[1, 100], ["-pi", "pi"]]', "", "measurement_range is missing: a start from"),
+        (
+            '{ diagonal = [9, "0.02^2"] }',
+            "[[9, 0.01], [0.01, 1]]",
+            "have independent noises: make R diagonal",
+        ),
+        ('{ diagonal = [9, "0.02^2"] }', "{ diagonal = [9, 11] }", "the variance of azimuth, 11, is from 0"),
+        (
+            '"converted_measurement"',
+            '"joseph"',
+            'does not suit a converted model: use "converted_measurement"',
+        ),
+        (
+            '"converted_measurement"',
+            '"converted_measurement"\nat = "truth"',
+            "at = 'truth': write 'measurement'",
+        ),
+    ],
+)
+def test_converted_measurements_that_cannot_be_are_refused(old, new, message):
+    text = POLAR.replace(old, new)
+    with pytest.raises(DesignError) as caught:
+        loads(text)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(

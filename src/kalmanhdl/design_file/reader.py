@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
@@ -29,12 +30,14 @@ from kalmanhdl.design_file.schema import (
     RootTable,
     Table,
     TargetTable,
+    ThreePointTable,
     TwoPointTable,
 )
 from kalmanhdl.design_file.values import Context, number
 from kalmanhdl.errors import DesignError, ModelError
+from kalmanhdl.model.converted import MEASURED, converted_model
 from kalmanhdl.model.expression import MAX_CONSTANTS, RESERVED, ExpressionError, resolve
-from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.initial import given, three_point, two_point
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.motion import Motion, constant_acceleration, constant_velocity
 from kalmanhdl.model.multiple import MultipleModel, multiple_model
@@ -196,42 +199,54 @@ def _single(table: dict[str, Any], context: Context) -> Model:
     # The keys of a motion's own are the parameters of its function.
     own = set(type(checked).model_fields) - set(CommonModelTable.model_fields)
     motion = _MOTIONS[checked.kind](**{key: getattr(checked, key) for key in own})
-    return linear_model(
-        motion.F,
-        motion.H,
-        motion.Q,
-        checked.R,
+    plots = None if checked.coordinates != "cartesian" else [f"{axis}_plot" for axis in motion.axes]
+    return _measured(
+        checked,
+        F=motion.F,
+        H=motion.H,
+        Q=motion.Q,
         initial=initial,
-        measurement_offset=checked.measurement_offset,
         state_names=motion.state_names,
-        state_units=checked.unit,
-        measurement_names=checked.measurement or [f"{axis}_plot" for axis in motion.axes],
-        measurement_range=checked.measurement_range,
+        measurement_names=checked.measurement or plots,
     )
 
 
-def _linear(table: LinearTable, initial: Initial | InitialRule) -> LinearModel:
-    return linear_model(
-        table.F,
-        table.H,
-        table.Q,
-        table.R,
+def _linear(table: LinearTable, initial: Initial | InitialRule) -> Model:
+    return _measured(
+        table,
+        F=table.F,
+        H=table.H,
+        Q=table.Q,
         initial=initial,
         B=table.B,
         offset=table.offset,
-        measurement_offset=table.measurement_offset,
         state_names=table.state,
-        state_units=table.unit,
         measurement_names=table.measurement,
         control_names=table.control,
-        measurement_range=table.measurement_range,
     )
+
+
+def _measured(table: CommonModelTable, *, H: ArrayLike, **keys: Any) -> Model:
+    """The model of a linear motion whose measurements are in the coordinates that a table says."""
+    keys |= {"R": table.R, "state_units": table.unit, "measurement_range": table.measurement_range}
+    if table.coordinates == "cartesian":
+        return linear_model(H=H, measurement_offset=table.measurement_offset, **keys)
+    if table.measurement_offset is not None:
+        problem = ": measurements that are converted have none: take it off the data"
+        raise InvalidValueError("model", "measurement_offset", problem)
+    names = MEASURED[table.coordinates]
+    if len(np.asarray(H)) != len(names):
+        problem = f" = {shown(table.coordinates)} takes {len(names)} axes: {', '.join(names)} are measured"
+        raise InvalidValueError("model", "coordinates", problem)
+    return converted_model(H=H, **keys)
 
 
 def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
     checked = _of_kind(INITIALS, table, "model.initial", context)
     if isinstance(checked, GivenTable):
         return given(checked.x, checked.P, at=checked.at)
+    if isinstance(checked, ThreePointTable):
+        return three_point(P=checked.P)
     if isinstance(checked, TwoPointTable):
         return two_point(P=checked.P)
     assert isinstance(checked, AffineTable)
@@ -240,6 +255,7 @@ def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
         from_measurement=np.array(checked.from_measurement),
         from_state=np.array(checked.from_state),
         from_control=None if checked.from_control is None else np.array(checked.from_control),
+        from_noise=None if checked.from_noise is None else np.array(checked.from_noise),
         P=np.array(checked.P),
         points=checked.points,
         before_update=checked.before_update,

@@ -4,7 +4,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from kalmanhdl.algorithm import ALGORITHMS
+from kalmanhdl.algorithm import ALGORITHMS, Converted
+from kalmanhdl.algorithm.converted import At as ConvertedAt
 from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design_file.values import (
@@ -21,6 +22,7 @@ from kalmanhdl.design_file.values import (
     Scales,
     Vector,
 )
+from kalmanhdl.model.conversion import Unbiasing
 from kalmanhdl.model.initial import At
 from kalmanhdl.model.motion import Discretisation, Order
 from kalmanhdl.numerics.specification import DEFAULT_WIDTH, Form
@@ -54,6 +56,7 @@ class CommonModelTable(Table):
     measurement: Names | None = None
     measurement_offset: Vector | None = None
     measurement_range: Matrix | None = None
+    coordinates: Literal["cartesian", "polar", "spherical"] = "cartesian"
 
 
 class LinearTable(CommonModelTable):
@@ -119,9 +122,13 @@ class TwoPointTable(Table):
     P: Matrix | None = None
 
 
+class ThreePointTable(TwoPointTable):
+    """``kind = "three_point"``."""
+
+
 class AffineTable(Table):
     """``kind = "affine"``: the general form, x := x + from_measurement z + from_state (x kept before)
-    + from_control u."""
+    + from_control u; P := P + from_noise R from_noise'."""
 
     kind: str
     x: Vector
@@ -129,6 +136,7 @@ class AffineTable(Table):
     from_measurement: Matrix
     from_state: Matrix
     from_control: Matrix | None = None
+    from_noise: Matrix | None = None
     points: Integer = 1
     before_update: bool = False
 
@@ -137,6 +145,13 @@ class AlgorithmTable(Table):
     """How the estimate is computed, by an algorithm without options."""
 
     kind: str
+
+
+class ConvertedTable(AlgorithmTable):
+    """``kind = "converted_measurement"``."""
+
+    unbiasing: Unbiasing = "debiased"
+    at: ConvertedAt = "measurement"
 
 
 class FixedTable(Table):
@@ -196,8 +211,12 @@ MODELS: dict[str, type[CommonModelTable]] = {
 INITIALS: dict[str, type[Table]] = {
     "given": GivenTable,
     "two_point": TwoPointTable,
+    "three_point": ThreePointTable,
     "affine": AffineTable,
 }
 # Algorithms with options have a table of their own, whose keys are the algorithm's fields.
-ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = dict.fromkeys(ALGORITHMS, AlgorithmTable)
+ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = {
+    **dict.fromkeys(ALGORITHMS, AlgorithmTable),
+    Converted.kind: ConvertedTable,
+}
 NUMERICS: dict[str, type[FixedTable]] = {"fixed": FixedTable}

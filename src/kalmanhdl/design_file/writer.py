@@ -2,15 +2,18 @@
 
 import json
 from collections.abc import Iterable
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kalmanhdl.algorithm import Algorithm
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import OutputError
+from kalmanhdl.model.converted import ConvertedModel
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.state_space import Initial, LinearModel
@@ -40,7 +43,7 @@ def dumps(design: Design) -> str:
     blocks = [
         [f"name = {_text(design.name)}"],
         *_model(design.model),
-        ["[algorithm]", f"kind = {_text(design.algorithm.kind)}"],
+        _algorithm(design.algorithm),
         _numerics(design.numerics),
         _signals(design.numerics),
         _architecture(design.architecture),
@@ -52,8 +55,21 @@ def dumps(design: Design) -> str:
 def _model(model: Model) -> list[Lines]:
     if isinstance(model, MultipleModel):
         return _multiple(model)
+    if isinstance(model, ConvertedModel):
+        return _converted(model)
     assert isinstance(model, LinearModel), model.kind
     return [_linear(model), _initial(model.initial)]
+
+
+def _converted(model: ConvertedModel) -> list[Lines]:
+    measured = replace(
+        model.positions,
+        R=np.diag(model.variances),
+        measurement_names=model.measurement_names,
+        measurement_range=model.measurement_range,
+    )
+    coordinates = f"coordinates = {_text(model.coordinates)}"
+    return [[*_linear(measured), coordinates], _initial(model.initial)]
 
 
 def _multiple(model: MultipleModel) -> list[Lines]:
@@ -96,9 +112,17 @@ def _initial(initial: Initial) -> Lines:
         lines.append(f"from_state = {_matrix(initial.from_state)}")
         if initial.from_control is not None:
             lines.append(f"from_control = {_matrix(initial.from_control)}")
+        if initial.from_noise is not None:
+            lines.append(f"from_noise = {_matrix(initial.from_noise)}")
         lines.append(f"points = {initial.points}")
         lines.append(f"before_update = {str(initial.before_update).lower()}")
     return [*lines, f"P = {_matrix(initial.P)}"]
+
+
+def _algorithm(algorithm: Algorithm) -> Lines:
+    # Every word, number and flag of JSON is one of TOML.
+    options = [f"{key.name} = {json.dumps(getattr(algorithm, key.name))}" for key in fields(algorithm)]
+    return ["[algorithm]", f"kind = {_text(algorithm.kind)}", *options]
 
 
 def _numerics(numerics: FixedSpecification) -> Lines:
