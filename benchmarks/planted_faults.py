@@ -27,7 +27,7 @@ from planted_faults import Fault, plant
 # Most faults show in few steps.
 _FIRST_STEPS = 2_000
 # A fault in the last bits of a sum that is rounded afterwards may show once in many thousand steps.
-_MORE = 20
+_MORE = 5
 
 
 def _outcome(hardware: Hardware, steps: int, seed: int) -> tuple[list[str], bool, bool]:

@@ -45,6 +45,7 @@ def _compared(verilog: str, changed: str, top: str, through: set[str]) -> tuple[
             "proc",
             "flatten",
             "memory_collect",
+            "memory_map -rom-only",
             "opt_clean -purge",
             f"rename {top} {name}",
             f"design -stash {name}",

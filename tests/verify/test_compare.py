@@ -1,5 +1,6 @@
 """The Verilog against the engine, and faults that must not pass."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -65,6 +66,35 @@ def test_a_difference_names_step_signal_and_both_values(hardware):
     message = r"axis: step 0 \(track 0\), x\[0\]: the Verilog gives .*, the engine"
     with pytest.raises(KalmanhdlError, match=message):
         verify(replace(hardware, verilog=hardware.verilog.replace(line, wrong)), 100)
+
+
+def test_a_register_that_became_a_latch_is_refused(hardware):
+    latch = hardware.verilog.replace(
+        "endmodule", "  reg late;\n  always @* if (clk) late = rst;\nendmodule", 1
+    )
+    with pytest.raises(KalmanhdlError, match=r"axis: .*latch.* is a latch"):
+        verify(replace(hardware, verilog=latch), 100)
+
+
+def without_reset(verilog, register):
+    """The Verilog with a register that reset leaves as it is."""
+    source = re.search(rf"^ +{register} <= (\w+);", verilog, re.MULTILINE)[1]
+    wrong, changed = re.subn(rf"(assign {source} = )rst \? \S+ : ", r"\1", verilog, count=1)
+    assert changed
+    return wrong
+
+
+def test_a_step_that_starts_too_late_is_a_difference(hardware):
+    wrong, changed = re.subn(r"(rst \? \d'h)\w+( : _1_;)", r"\g<1>00\2", hardware.verilog, count=1)
+    assert changed, "the credits that there are after reset"
+    with pytest.raises(KalmanhdlError, match=r"in clock \d+ after reset, and by the schedule in clock|stuck"):
+        verify(replace(hardware, verilog=wrong), 400)
+
+
+@pytest.mark.parametrize("register", ["valid_c1", "second_valid", "third_valid", "freed"])
+def test_a_register_that_reset_forgets_is_found(hardware, register):
+    with pytest.raises(KalmanhdlError):
+        verify(replace(hardware, verilog=without_reset(hardware.verilog, register)), 20_000, optimised=False)
 
 
 @pytest.mark.slow

@@ -94,6 +94,17 @@ def rtlil_to_verilog(rtlil: str, top: str, header: str = "") -> str:
     return "".join(f"// {line}".rstrip() + "\n" for line in header.splitlines()) + text
 
 
+def latches(verilog: str, top: str) -> tuple[str, ...]:
+    """The latches of a design, by the names that Yosys gives them. Raises ToolError."""
+    commands = [
+        "read_verilog design.v",
+        f"hierarchy -check -top {top}",
+        "proc",
+        "tee -q -o latches.txt select -list t:$*latch*",
+    ]
+    return tuple(cached_script("latches", commands, {"design.v": verilog}, "latches.txt").split())
+
+
 def synthesise_ecp5(verilog: str, top: str) -> Netlist:
     """Synthesise for Lattice ECP5. Raises ToolError."""
     commands = [

@@ -17,6 +17,7 @@ from kalmanhdl.simulate.engine import Trace as EngineTrace
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch
 from kalmanhdl.toolchain.simulation import Simulation, Trace
+from kalmanhdl.toolchain.yosys import latches
 from kalmanhdl.verify.stimulus import Section, Steps
 from kalmanhdl.verify.timing import accepted_again, handed_over, held_back, never_waits
 
@@ -74,6 +75,12 @@ def border_of(interface: Interface) -> Border:
 
 def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
     return (*interface.numbers, *interface.present)
+
+
+def refuse_latches(verilog: str, top: str) -> None:
+    """A simulation by clocks takes a latch for a register. Raises VerificationError where there is one."""
+    if found := latches(verilog, top):
+        raise VerificationError(f"{top}: {found[0]} is a latch, where the hardware has registers only")
 
 
 def verify(

@@ -17,6 +17,7 @@ from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.side_by_side import stimulus_of
 from kalmanhdl.toolchain.simulation import Stalls
+from kalmanhdl.verify.timing import held_back, on_the_way
 
 # Of random steps one in twenty starts its track anew and one in eight only predicts, some of these by the
 # fourth code; a component is missed one time in six.
@@ -25,9 +26,7 @@ _INITIALISE, _PREDICT, _FOURTH, _MISSED = 0.05, 0.125, 0.02, 1 / 6
 # The fourth code of a command, which predicts.
 FOURTH = 3
 # How often either side of the streams pauses: as a rule, and in some short sections.
-_STALLS = (0.25, 0.25, 0.75)
-# Results on the way at a reset, at most: the entrance still takes a step then, whatever waits behind it.
-_ON_THE_WAY = 2
+_STALLS = (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,10 +110,17 @@ def _first(given: NDArray[np.int8], count: int) -> NDArray[np.int8]:
     return flat.reshape(given.shape)
 
 
-def random_steps(typed: TypedGraph, count: int, channels: int, seed: int, *, in_turn: bool = False) -> Steps:
-    """``count`` steps of raw numbers from anywhere in their formats, tracks in random order or in turn."""
+def random_steps(
+    typed: TypedGraph, count: int, channels: int, seed: int, *, in_turn: bool = False, few: bool = False
+) -> Steps:
+    """``count`` steps of raw numbers from anywhere in their formats.
+
+    Tracks come in random order, or ``in_turn``; of ``few`` tracks, these are the first and the last.
+    """
     random = np.random.default_rng(seed)
     tracks = np.arange(count) % channels if in_turn else _tracks(random, count, channels)
+    if few:
+        tracks = (tracks % 2) * (channels - 1)
     turn = _turns(tracks)
     shape = (int(turn.max()) + 1, channels)
     order = turn * channels + tracks
@@ -184,36 +190,46 @@ class Section:
         return not (self.blocked or self.stalls.source or self.stalls.sink)
 
 
-# Sections that a reset ends in the middle, their steps, and sections that fill the hardware up; and the
-# share of all steps that they may take.
-_SHORT, _SHORT_STEPS, _FULL, _SHARE = 48, 40, 4, 4
+# Sections that a reset ends in the middle, their steps, and how many of them come before one that fills the
+# hardware up; and the share of all steps that they may take.
+_SHORT, _SHORT_STEPS, _FILLING, _SHARE = 60, 30, 5, 2
 
 
-def random_sections(plan: Plan, count: int, seed: int, full: int) -> tuple[Section, ...]:
+def random_sections(plan: Plan, count: int, seed: int) -> tuple[Section, ...]:
     """``count`` random steps: short sections that resets end, some that fill the hardware, two long ones.
 
-    ``full`` is the number of steps that are taken while no result is. One of the long sections never pauses.
+    One of the long sections never pauses.
     """
+    full = held_back(plan)
     random = np.random.default_rng(seed)
-    short = min(_SHORT, count // _SHARE // _SHORT_STEPS)
-    filling = min(_FULL, count // _SHARE // (full + _SHORT_STEPS))
-    sizes = [int(n) for n in random.integers(2, 2 * _SHORT_STEPS - 1, short)] + [
-        full + _SHORT_STEPS
-    ] * filling
-    rest = count - sum(sizes)
-    sizes += [n for n in (rest // 2, rest - rest // 2) if n]
-    sections = []
-    for number, size in enumerate(sizes):
-        blocked = short <= number < short + filling
-        steps = random_steps(plan.typed, size, plan.channels, seed + number, in_turn=blocked)
-        stalls = Stalls()
-        if number >= short + filling + 1 or (number < short and number % 2):
-            busy = float(random.choice(_STALLS)) if number < short else _STALLS[0]
-            stalls = Stalls(seed=seed + number, source=busy, sink=busy)
-        # So many steps can be on the way that the entrance takes the next token, which is the reset.
-        left = int(random.integers(0, min(size, _ON_THE_WAY), endpoint=True)) if number < short else 0
-        sections.append(Section(steps=steps, stalls=stalls, blocked=blocked, left=left))
+    group = _FILLING * _SHORT_STEPS + full + _SHORT_STEPS
+    sections: list[Section] = []
+    for _ in range(min(_SHORT // _FILLING, count // _SHARE // group)):
+        sections += [_short(plan, random) for _ in range(_FILLING)]
+        # Tracks in turn, so that steps wait for a place only.
+        steps = random_steps(plan.typed, full + _SHORT_STEPS, plan.channels, _seed(random), in_turn=True)
+        sections.append(Section(steps=steps, blocked=True))
+    rest = count - sum(len(section.steps.order) for section in sections)
+    pauses = Stalls(), Stalls(seed=seed, source=_STALLS[0], sink=_STALLS[0])
+    for size, stalls in zip((rest // 2, rest - rest // 2), pauses, strict=True):
+        if size:
+            steps = random_steps(plan.typed, size, plan.channels, _seed(random))
+            sections.append(Section(steps=steps, stalls=stalls))
     return tuple(sections)
+
+
+def _short(plan: Plan, random: np.random.Generator) -> Section:
+    """Some steps, of all tracks or of two, the same in all such sections, that may meet before and after."""
+    source, sink = random.choice((0.0, *_STALLS), 2) if random.random() < 0.5 else (0.0, 0.0)
+    stalls = Stalls(seed=_seed(random), source=float(source), sink=float(sink))
+    left = int(random.integers(0, on_the_way(plan, steady=not source), endpoint=True))
+    size = int(random.integers(left, 2 * _SHORT_STEPS - left, endpoint=True)) or 1
+    steps = random_steps(plan.typed, size, plan.channels, _seed(random), few=bool(random.random() < 0.5))
+    return Section(steps=steps, stalls=stalls, left=left)
+
+
+def _seed(random: np.random.Generator) -> int:
+    return int(random.integers(1 << 32))
 
 
 def _anywhere(random: np.random.Generator, form: Fixed, shape: tuple[int, int]) -> Integers:

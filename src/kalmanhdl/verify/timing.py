@@ -44,6 +44,16 @@ def held_back(plan: Plan) -> int:
     return (1 << max(places - 1, 1).bit_length()) + _OFFERED + _waiting(plan) + _HELD
 
 
+def on_the_way(plan: Plan, *, steady: bool) -> int:
+    """How many results may be on the way while the entrance surely takes another step.
+
+    Steps wait in the register at the entrance and in the second place for them, unless the sender is not
+    ``steady`` and left a gap between the two; the others have started since the result before theirs did.
+    """
+    started = (_START + _results(plan) + _EXIT) // _slots(plan)
+    return 1 + (1 + steady if _waiting(plan) else 0) + started
+
+
 def never_waits(plan: Plan) -> bool:
     """Whether no step waits for the one of its track before it, when tracks come in turn."""
     return plan.channels * plan.interval >= _slots(plan)
