@@ -13,6 +13,7 @@ from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import (
     Add,
     Binary,
+    Bits,
     Constant,
     Divide,
     Function,
@@ -92,6 +93,7 @@ class _Lowering:
         self.types: list[Typed | None] = []
         self.given: dict[int, Fixed] = {}
         self.exact: dict[int, int] = {}
+        self.circuit = Circuit(self.builder, self.type, {})
         # The names of the numbers that were given a format.
         self.signals: set[str] = set()
         for index, operation in enumerate(graph.operations):
@@ -158,6 +160,9 @@ class _Lowering:
             assert divisor is not None
             interval = reciprocal_interval(divisor, form, specification.rounding, specification.division)
             return form, interval
+        if index in self.circuit.known:
+            assert isinstance(operation, Bits)
+            return operation.form, self.circuit.known[index]
         typed = type_of(operation, self.types, self.given.get(index))  # type: ignore[arg-type]
         if isinstance(operation, Multiply) and self._is_weighted_square(operation):
             form, interval = typed
@@ -266,8 +271,7 @@ class _Lowering:
         if method is None:
             method = method_for(form.width)
         near = self._near if function in _OF_POINTS else self.own
-        circuit = Circuit(self.builder, self.type)
-        return lowered(circuit, function, tuple(map(near, arguments)), form, method)
+        return lowered(self.circuit, function, tuple(map(near, arguments)), form, method)
 
     def _row(self, index: int, a: int, rows: tuple[Fraction, ...]) -> int:
         """A row in the format of its value; a number beyond the last row gives the last one."""
@@ -279,7 +283,7 @@ class _Lowering:
                 Quantise(place, number, specification.rounding, specification.overflow)
             )
         rounded_rows = tuple(form.real(form.nearest(row)) for row in rows)
-        return Circuit(self.builder, self.type).row(place, rounded_rows)
+        return self.circuit.row(place, rounded_rows)
 
     def _constant_width(self) -> int:
         form = self.specification.form("constant")
