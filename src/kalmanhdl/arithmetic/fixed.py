@@ -72,6 +72,11 @@ class Fixed:
         return f"{'' if self.signed else 'u'}fixed({self.width}, fraction={self.fraction})"
 
 
+def stands_below(lower: Fixed, upper: Fixed) -> bool:
+    """Whether all bits of one format come after the last one of another: a sum has the bits of both."""
+    return not lower.signed and lower.fraction - upper.fraction >= lower.width
+
+
 def rounded(raw: Any, dropped: int, rounding: Rounding) -> Any:
     """Drop the last ``dropped`` bits of a raw integer; a negative count appends zeros.
 

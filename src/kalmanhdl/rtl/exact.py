@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from amaranth.hdl import Const, Mux, Value
+from amaranth.hdl import Cat, Const, Mux, Value
 
-from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.fixed import Fixed, stands_below
+from kalmanhdl.rtl.shapes import fitted
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,11 @@ class Number:
 
 def add(a: Number, b: Number, fraction: int) -> Value:
     """a + b with so many fraction bits."""
+    for upper, lower in ((a, b), (b, a)):
+        if stands_below(lower.form, upper.form):
+            bits = fraction - upper.form.fraction
+            joined = Cat(fitted(lower.raw, bits, False), upper.raw)
+            return joined.as_signed() if upper.form.signed else joined
     return a.at_fraction(fraction) + b.at_fraction(fraction)
 
 

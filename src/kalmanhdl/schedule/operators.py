@@ -18,7 +18,7 @@ from kalmanhdl.arithmetic.division_structure import (
     row_weights,
     table_structure,
 )
-from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded, stands_below
 from kalmanhdl.arithmetic.pipelining import register_places
 from kalmanhdl.arithmetic.product_structure import booth_terms, limb_widths, recodes_first, tree_levels
 from kalmanhdl.graph.operations import (
@@ -204,11 +204,12 @@ def _number(typed: TypedGraph, index: int) -> Fixed:
 
 
 def _adder(typed: TypedGraph, index: int, a: int, b: int, device: Device) -> int:
-    form = _number(typed, index)
+    form, is_sum = _number(typed, index), isinstance(typed.graph.operations[index], Add)
+    x, y = _number(typed, a), _number(typed, b)
+    if is_sum and (stands_below(x, y) or stands_below(y, x)):
+        return 0
     # Where one operand has no bits the sum's are the other's, without a carry; a borrow needs them.
-    passed = abs(_number(typed, a).fraction - _number(typed, b).fraction)
-    if isinstance(typed.graph.operations[index], Subtract):
-        passed = max(0, _number(typed, a).fraction - _number(typed, b).fraction)
+    passed = abs(x.fraction - y.fraction) if is_sum else max(0, x.fraction - y.fraction)
     return _delay(device, "add", max(1, form.width - passed))
 
 

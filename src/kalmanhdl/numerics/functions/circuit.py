@@ -10,14 +10,19 @@ from kalmanhdl.graph.builder import Builder
 from kalmanhdl.graph.operations import Bits, Negative, Table
 from kalmanhdl.numerics.interval import Typed, smallest
 from kalmanhdl.numerics.signed_digits import multiplied
+from kalmanhdl.numerics.typed import Interval
 
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """A graph of integers under construction; ``type_of`` gives format and interval of an operation."""
+    """A graph of integers under construction; ``type_of`` gives format and interval of an operation.
+
+    ``known`` collects intervals of which more is known than operands tell; ``type_of`` heeds them.
+    """
 
     builder: Builder
     type_of: Callable[[int], Typed]
+    known: dict[int, Interval]
 
     def bounds(self, a: int) -> tuple[Fraction, Fraction]:
         """The least and the greatest value of a."""
@@ -105,7 +110,15 @@ class Circuit:
         exact = self.fraction(a)
         fraction = exact if fraction is None else min(fraction, exact)
         scale = Fraction(2) ** fraction
-        return self.bits(a, smallest(floor(low * scale), ceil(high * scale), fraction))
+        interval = Interval(low=floor(low * scale), high=ceil(high * scale))
+        form = smallest(interval.low, interval.high, fraction)
+        made = self.bits(a, form)
+        before = self.type_of(a)[1]
+        if made == a and (before.low < interval.low or interval.high < before.high):
+            made = self.builder.intern(Bits(a, form))
+        if made != a and isinstance(self.builder.operations[made], Bits):
+            self.known.setdefault(made, interval)
+        return made
 
     def nearest(self, a: int, fraction: int) -> int:
         """a rounded to a fraction, ties up."""

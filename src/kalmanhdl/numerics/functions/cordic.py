@@ -10,6 +10,7 @@ from fractions import Fraction
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.numerics.functions.circuit import Circuit
 from kalmanhdl.numerics.functions.constants import arctangent, shrinkage
+from kalmanhdl.numerics.functions.square_root import root_above
 
 _ONE, _HALF, _QUARTER = Fraction(1), Fraction(1, 2), Fraction(1, 4)
 
@@ -36,7 +37,10 @@ def rotated(circuit: Circuit, angle: int, fraction: int) -> tuple[int, int]:
             circuit.bits(_along(circuit, z, y, dy), form),
             circuit.within(_against(circuit, z, z, step), -_HALF / (1 << k), _HALF / (1 << k)),
         )
-    return circuit.nearest(x, fraction), circuit.nearest(y, fraction)
+    cosine, sine = circuit.nearest(x, fraction), circuit.nearest(y, fraction)
+    # One unit above one at most, since they are less than two off and full units are reached.
+    most = 1 + Fraction(1, 1 << fraction)
+    return circuit.within(cosine, -most, most), circuit.within(sine, -most, most)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +65,13 @@ def normalised(circuit: Circuit, x: int, y: int) -> Vector:
     zero = circuit.constant(0)
     start = circuit.where_negative(y, circuit.constant(-_HALF), circuit.constant(_HALF))
     start = circuit.where_negative(x, start, zero)
+    exponent = _exponent(max(abs(bound) for each in (x, y) for bound in circuit.bounds(each)))
     x, y = (
         circuit.magnitude(x),
         circuit.where_negative(x, circuit.subtract(zero, y), y),
     )
-    exponent = _exponent(max(abs(bound) for each in (x, y) for bound in circuit.bounds(each)))
-    x, y = circuit.shift(x, -exponent), circuit.shift(y, -exponent)
+    x = circuit.within(circuit.shift(x, -exponent), Fraction(0), _ONE)
+    y = circuit.within(circuit.shift(y, -exponent), -_ONE, _ONE)
     doublings = []
     bits = max(circuit.fraction(x), circuit.fraction(y), 1)
     for level in reversed(range((bits - 1).bit_length())):
@@ -77,7 +82,7 @@ def normalised(circuit: Circuit, x: int, y: int) -> Vector:
             circuit.within(circuit.builder.select(short, circuit.shift(each, times), each), least, _ONE)
             for each, least in ((x, Fraction(0)), (y, -_ONE))
         )
-    return Vector(x, y, start, exponent, tuple(doublings), _shorter(circuit, x, y, _HALF))
+    return Vector(x, y, start, exponent, tuple(doublings), _shorter(circuit, x, y, _QUARTER))
 
 
 def levelled(circuit: Circuit, vector: Vector, iterations: int, inner: int) -> tuple[int, int]:
@@ -128,7 +133,11 @@ def hypotenuse_of(circuit: Circuit, y: int, x: int, fraction: int, precision: in
     for short, times in vector.doublings:
         halved = circuit.floored(circuit.shift(length, -times), fraction + 4)
         length = circuit.builder.select(short, halved, length)
-    return circuit.nearest(length, fraction)
+    ends = (max(map(abs, circuit.bounds(each))) for each in (x, y))
+    longest = root_above(sum((end * end for end in ends), Fraction(0)), fraction)
+    return circuit.within(
+        circuit.nearest(length, fraction), Fraction(0), longest + Fraction(1, 1 << fraction)
+    )
 
 
 def _inner(precision: int) -> int:
@@ -146,7 +155,7 @@ def _against(circuit: Circuit, sign: int, a: int, b: int) -> int:
 
 
 def _shorter(circuit: Circuit, x: int, y: int, limit: Fraction) -> int:
-    """The flag x < limit and -limit < y < limit, for x >= 0."""
+    """The flag x < limit and -limit <= y < limit, for x >= 0."""
     builder, bound = circuit.builder, circuit.constant(limit)
     flags = [circuit.negative(circuit.subtract(each, bound)) for each in (x, y)]
     below = circuit.negative(circuit.add(y, bound))

@@ -1,6 +1,7 @@
 """Square roots digit by digit, exact, in rows of one subtraction."""
 
 from fractions import Fraction
+from math import isqrt
 
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.numerics.functions.circuit import Circuit
@@ -31,7 +32,13 @@ def square_root(circuit: Circuit, a: int, fraction: int) -> int:
             circuit.where_negative(rest, brought_down, rest), Fraction(0), greatest, 2 * place
         )
         root = circuit.add(root, digit)
-    return root
+    return circuit.within(root, Fraction(0), root_above(high, fraction))
+
+
+def root_above(value: Fraction, fraction: int) -> Fraction:
+    """At least the square root of a value, by less than two units of a last bit."""
+    scaled = value * Fraction(4) ** fraction
+    return (isqrt(scaled.numerator // scaled.denominator) + 1) / Fraction(2) ** fraction
 
 
 def _length(value: Fraction) -> int:
