@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from models import estimated
 
 from kalmanhdl.algorithm import BiermanThornton, Conventional
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import linear_model
+from linear_models import estimated
 
 # Nothing moves in these problems: they are about one update.
 pytestmark = pytest.mark.filterwarnings("ignore:no sequence of measurements")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Conventional
-from linear_models import estimated, random_model, random_plots
+from kalmanhdl.algorithm import ALGORITHMS, Conventional
+from linear_models import EXACT, estimated, random_model, random_plots
 
-OTHERS = sorted(set(LINEAR) - {"conventional"})
+OTHERS = sorted(set(EXACT) - {"conventional"})
 
 
 def assert_equal_estimates(found, expected, tolerance):

@@ -7,16 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kalmanhdl.algorithm import ALGORITHMS, LINEAR
+from kalmanhdl.algorithm import ALGORITHMS
 from kalmanhdl.model.initial import given, two_point
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.simulate.commands import Command, commands, started
 from kalmanhdl.simulate.reference import reference
+from linear_models import EXACT
 
 DATA = Path(__file__).parents[1] / "data"
 
 
-@pytest.fixture(params=sorted(LINEAR))
+@pytest.fixture(params=sorted(EXACT))
 def algorithm(request):
     return ALGORITHMS[request.param]()
 

@@ -7,7 +7,9 @@ from kalmanhdl.algorithm.extended import Extended
 from kalmanhdl.algorithm.filter import Algorithm
 from kalmanhdl.algorithm.interacting import Interacting
 from kalmanhdl.algorithm.joseph import Joseph
+from kalmanhdl.algorithm.scheduled import Scheduled
 from kalmanhdl.algorithm.sequential import Sequential
+from kalmanhdl.algorithm.taylor import Taylor
 
 __all__ = [
     "ALGORITHMS",
@@ -19,10 +21,15 @@ __all__ = [
     "Extended",
     "Interacting",
     "Joseph",
+    "Scheduled",
     "Sequential",
+    "Taylor",
 ]
 
-_LINEAR: tuple[type[Algorithm], ...] = (BiermanThornton, Conventional, Joseph, Sequential)
+_LINEAR: tuple[type[Algorithm], ...] = (
+    *(BiermanThornton, Conventional, Joseph, Sequential),
+    *(Scheduled, Taylor),
+)
 _OTHERS: tuple[type[Algorithm], ...] = (Converted, Extended, Interacting)
 
 LINEAR = tuple(each.kind for each in _LINEAR)

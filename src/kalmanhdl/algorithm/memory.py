@@ -11,6 +11,9 @@ from kalmanhdl.graph.signal import Array, Condition, select
 
 Memory = dict[str, Array]
 
+COUNTER = "steps"
+"""The name of an array of bits that counts steps: it couples nothing that reads it."""
+
 
 class Kind(Enum):
     """What an array holds, which gives its units and which of its elements are kept."""

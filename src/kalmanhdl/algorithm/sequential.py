@@ -19,9 +19,10 @@ class Sequential(Algorithm):
     """Update by one scalar measurement after the other: m reciprocals and no inverse.
 
     lee1997 eq. 6 to 8 with one row of H at a time (Grewal & Andrews, Kalman Filtering: serial processing of
-    uncorrelated measurements). Each component sees the belief that the components before it left. Where R correlates components, decorrelating them
-    once for all would be wrong as soon as one of them is missed; instead each one used conditions the
-    remaining ones of its block: with c = Cov(x, z_j) and s = Var(z_j) after it, for every later i
+    uncorrelated measurements). Each component sees the belief that the components before it left. Where R
+    correlates components, decorrelating them once for all would be wrong as soon as one of them is missed;
+    instead each one used conditions the remaining ones of its block: with c = Cov(x, z_j) and s = Var(z_j),
+    after it for every later i and k
 
         Cov(x, z_i) -= c Cov(z_j, z_i) / s,   Cov(z_i, z_k) -= Cov(z_i, z_j) Cov(z_j, z_k) / s,
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.algorithm.filter import Filter, Given, Outcome, step
-from kalmanhdl.algorithm.memory import Kind, Memory
+from kalmanhdl.algorithm.memory import COUNTER, Kind, Memory
 from kalmanhdl.graph.builder import Builder, reachable
 from kalmanhdl.graph.operations import Flag, Graph, Input, State
 from kalmanhdl.graph.signal import Signal, is_zero
@@ -133,6 +133,7 @@ def components(graph: Graph) -> tuple[tuple[str, ...], ...]:
     for name, root in (*graph.states, *means):
         seen = reachable(graph.operations, [root])
         touched = {op.name for k in seen if isinstance(op := graph.operations[k], State)} | {name}
+        touched = {name for name in touched if not name.startswith(f"{COUNTER}[")}
         joined = [group for group in groups if group & touched]
         groups = [group for group in groups if not group & touched]
         groups.append(touched.union(*joined))

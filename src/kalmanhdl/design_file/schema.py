@@ -4,13 +4,15 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from kalmanhdl.algorithm import ALGORITHMS, Converted
+from kalmanhdl.algorithm import ALGORITHMS, Converted, Extended, Scheduled, Taylor
 from kalmanhdl.algorithm.converted import At as ConvertedAt
 from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design_file.values import (
     Axes,
     Division,
+    Entries,
+    EntryRows,
     Forms,
     FormValue,
     Integer,
@@ -18,8 +20,10 @@ from kalmanhdl.design_file.values import (
     Names,
     Noise,
     Number,
+    Point,
     Scale,
     Scales,
+    Steps,
     Vector,
 )
 from kalmanhdl.model.conversion import Unbiasing
@@ -106,6 +110,33 @@ class MultipleTable(Table):
     constants: dict[str, Any] = Field(default_factory=dict)
 
 
+class NonlinearTable(Table):
+    """``kind = "nonlinear"``: formulas in states, controls and constants."""
+
+    kind: str
+    f: Entries
+    h: Entries
+    Q: Matrix
+    R: Matrix
+    state: Names
+    measurement: Names
+    initial: dict[str, Any]
+    G: EntryRows | None = None
+    control: Names = Field(default_factory=list)
+    angles: Names = Field(default_factory=list)
+    unit: Names | None = None
+    measurement_range: Matrix | None = None
+    constants: dict[str, Any] = Field(default_factory=dict)
+
+
+class MeasuredTable(Table):
+    """``kind = "measured"``, of a nonlinear model: formulas in the measurements of the first row."""
+
+    kind: str
+    x: Entries
+    P: Matrix
+
+
 class GivenTable(Table):
     """``kind = "given"``."""
 
@@ -152,6 +183,25 @@ class ConvertedTable(AlgorithmTable):
 
     unbiasing: Unbiasing = "debiased"
     at: ConvertedAt = "measurement"
+
+
+class ScheduledTable(AlgorithmTable):
+    """``kind = "scheduled"``."""
+
+    steps: Steps = "auto"
+
+
+class TaylorTable(AlgorithmTable):
+    """``kind = "taylor"``."""
+
+    about: Point = "steady_state"
+    newton: Integer = 0
+
+
+class ExtendedTable(AlgorithmTable):
+    """``kind = "extended"``."""
+
+    joseph: bool = False
 
 
 class FixedTable(Table):
@@ -218,5 +268,8 @@ INITIALS: dict[str, type[Table]] = {
 ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = {
     **dict.fromkeys(ALGORITHMS, AlgorithmTable),
     Converted.kind: ConvertedTable,
+    Extended.kind: ExtendedTable,
+    Scheduled.kind: ScheduledTable,
+    Taylor.kind: TaylorTable,
 }
 NUMERICS: dict[str, type[FixedTable]] = {"fixed": FixedTable}

@@ -174,6 +174,35 @@ def _division(value: Any, info: ValidationInfo) -> DivisionMethod:
     raise ValueError(f'{shown(value)}: write "radix2", "radix4" or {{ table = 10, newton = 0 }}')
 
 
+def _point(value: Any, info: ValidationInfo) -> str | list[list[float]]:
+    return value if isinstance(value, str) else _matrix(value, info)
+
+
+def _steps(value: Any, info: ValidationInfo) -> Literal["auto"] | int:
+    return "auto" if value == "auto" else _integer(value, info)
+
+
+def _entries(value: Any, info: ValidationInfo) -> list[str | float]:
+    """Formulas: strings, which the model reads, and numbers."""
+    if not isinstance(value, list):
+        raise ValueError(f'{shown(value)} is no list: write one like ["x + T*v", "v"]')
+    if len(value) > MAX_SIZE:
+        raise ValueError(f"{len(value)} formulas: at most {MAX_SIZE}")
+    result: list[str | float] = []
+    for i, entry in enumerate(value):
+        try:
+            result.append(entry if isinstance(entry, str) else number(entry, {}))
+        except ValueError as error:
+            raise ValueError(f"[{i}]: {error}") from None
+    return result
+
+
+def _entry_rows(value: Any, info: ValidationInfo) -> list[list[str | float]]:
+    if not isinstance(value, list) or len(value) > MAX_SIZE:
+        raise ValueError(f'{shown(value)} is no matrix: write [["T^2/2"], ["T"]], at most {MAX_SIZE} rows')
+    return [_entries(row, info) for row in value]
+
+
 Number = Annotated[float, PlainValidator(_number)]
 Integer = Annotated[int, PlainValidator(_integer)]
 Vector = Annotated[list[float], PlainValidator(_vector)]
@@ -184,5 +213,9 @@ Scales = Annotated[Literal["auto"] | tuple[float, ...], PlainValidator(_scales)]
 Names = Annotated[list[str], PlainValidator(_names)]
 Axes = Annotated[int | list[str], PlainValidator(_axes)]
 FormValue = Annotated[Form, PlainValidator(_form)]
+Entries = Annotated[list[str | float], PlainValidator(_entries)]
+EntryRows = Annotated[list[list[str | float]], PlainValidator(_entry_rows)]
 Forms = Annotated[dict[str, Form], PlainValidator(_forms)]
 Division = Annotated[DivisionMethod, PlainValidator(_division)]
+Point = Annotated[str | list[list[float]], PlainValidator(_point)]
+Steps = Annotated[Literal["auto"] | int, PlainValidator(_steps)]

@@ -23,6 +23,7 @@ from kalmanhdl.graph.operations import (
     Select,
     Shift,
     Subtract,
+    Table,
     Unary,
     operands,
 )
@@ -201,6 +202,10 @@ class Builder:
         if function is Function.HYPOTENUSE:
             a, b = min(a, b), max(a, b)
         return self.intern(Binary(function, a, b))
+
+    def row(self, number: int, rows: Iterable[float]) -> int:
+        """The row of a number that is whole."""
+        return self.intern(Table(number, tuple(map(Fraction, rows))))
 
     def select(self, flag: int, a: int, b: int) -> int:
         """a where the flag holds, else b."""

@@ -1,5 +1,6 @@
 """Numbers and flags under tracing: what an algorithm computes with in place of floats."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,13 @@ def select(condition: Condition, a: Scalar, b: Scalar) -> Any:
         return Signal(builder, index)
     chosen: Any = np.where(condition, a, b)  # type: ignore[arg-type]
     return chosen if chosen.ndim else float(chosen)
+
+
+def row(number: Scalar, rows: Sequence[float]) -> Any:
+    """The row of a number, which is whole and not beyond the last row."""
+    if isinstance(number, Signal) and min(rows) < max(rows):
+        return Signal(number.builder, number.builder.row(number.index, rows))
+    return float(rows[0]) if isinstance(number, Signal) else np.asarray(rows)[np.asarray(number, int)]
 
 
 def negative(a: Scalar) -> Any:

@@ -295,6 +295,8 @@ class _Lowering:
         return signal_of(self.graph.origins[index])
 
     def _form(self, index: int, signal: SignalName, unsigned: bool = False) -> Fixed:
+        if signal.signal_class == "bit":
+            return Fixed(width=1, fraction=0, signed=False)
         self.signals.add(signal.name)
         wanted = self.specification.form(signal.signal_class, signal.name)
         signed = not (unsigned or signal.unsigned)
@@ -303,6 +305,9 @@ class _Lowering:
         greatest = max(abs(self.ranges.low[index]), abs(self.ranges.high[index]))
         greatest *= _MARGIN.get(signal.signal_class, 1.0)
         operation = self.graph.operations[index]
+        if isinstance(operation, Table):
+            # Tracks that are long enough reach every row.
+            greatest = float(max(map(abs, operation.rows)))
         if isinstance(operation, Unary | Binary):
             greatest = min(greatest, REACH.get(operation.function, greatest))
         integer = math.frexp(greatest)[1] if greatest else 0

@@ -20,6 +20,7 @@ _CLASSES = {
     "Si": "reciprocal",
     "K": "gain",
     "Kv": "gain",
+    "steps": "bit",
 }
 # The belief after an update has its format as a state of the filter, after the command is known.
 _ROUNDED_AS_STATE = {

@@ -1,12 +1,15 @@
-"""Models drawn at random that every algorithm must agree on."""
+"""Linear models drawn at random that every algorithm must agree on."""
 
 import numpy as np
 
-from kalmanhdl.algorithm import Algorithm
+from kalmanhdl.algorithm import LINEAR, Algorithm
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import LinearModel, linear_model
 from kalmanhdl.simulate.commands import commands
 from kalmanhdl.simulate.reference import Estimates, reference
+
+EXACT = tuple(kind for kind in LINEAR if kind not in ("scheduled", "taylor"))
+"""The algorithms for linear models that are optimal whatever is missed."""
 
 
 def random_model(random: np.random.Generator, n: int | None = None, m: int | None = None) -> LinearModel:

@@ -1,0 +1,268 @@
+"""The covariance filter whose inverse is a Taylor expansion about a covariance known beforehand."""
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from kalmanhdl.algorithm import steady_state
+from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
+from kalmanhdl.algorithm.gain import Gain, normalised_innovation_squared
+from kalmanhdl.algorithm.joseph import joseph_covariance
+from kalmanhdl.graph.linear_algebra import blocks, symmetric
+from kalmanhdl.graph.signal import Array, Condition, both, named, select
+from kalmanhdl.model.model import Array as Numbers
+from kalmanhdl.model.model import Model
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.validation import InvalidModelValueError, InvalidValueError, KalmanhdlWarning, nearest, shown
+
+About = Literal["identity", "initial", "steady_state"]
+Point = tuple[tuple[float, ...], ...]
+POINTS: tuple[About, ...] = ("identity", "initial", "steady_state")
+
+MAX_NEWTON = 8
+# Every combination of valid components has constants of its own.
+MAX_BLOCK = 6
+# So many updates show whether an expansion converges on the way to the steady state.
+_WATCHED = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Taylor(Algorithm):
+    """S^-1 by its expansion of first order, X0 - X0 (S - S0) X0, about a covariance P0, liu2007 eq. 14.
+
+    X0 is the inverse of S0 = H P0 H' + R, and a constant. ``about`` says which P0: "identity" as liu2007
+    eq. 12 to 15 have it, "initial" that of a track's first update, "steady_state" the a priori covariance
+    that tracks come to, or an (n, n) matrix in the units of the model. ``newton`` steps X := X (2 I - S X)
+    (Schulz 1933) may follow, each of which squares what is left: with E = I - S X0, the inverse X
+    has I - S X = E^2, and E^(2^(newton + 1)) after them; see ``gain_error``. The covariance is
+    Joseph's, liu2007 eq. 4, which is right for any gain. ``nis`` rests on the approximate inverse.
+
+    Where a component is missed, the expansion is that of the valid ones: a constant X0 for each combination
+    of them, which a block of at most six correlated innovations can have.
+
+    It warns where the expansion does not converge: S > 2 S0 in some direction turns a gain round, and the
+    filter diverges. Take "initial" where covariances fall, "steady_state" where they grow or the start is
+    near it.
+
+    No reciprocals. Multiplications of signals for dense H: n m^2 for the gain, 2 n^3 + n^2 m for the
+    covariance, and 2 m^3 for each of the ``newton`` steps; about m^4 / 4 by constants. Choose it where the
+    covariance stays near one value and a reciprocal is too long for the loop or too large.
+    """
+
+    about: About | Point = "steady_state"
+    newton: int = 0
+    kind: ClassVar[str] = "taylor"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "about", _point(self.about))
+        newton = self.newton
+        if isinstance(newton, bool) or not isinstance(newton, int) or not 0 <= newton <= MAX_NEWTON:
+            problem = f" = {shown(newton)}: an integer from 0 to {MAX_NEWTON}"
+            raise InvalidValueError("algorithm", "newton", problem)
+
+    def __call__(self, model: Model) -> Filter:
+        """The filter of a linear model. Warns with KalmanhdlWarning where the expansion does not converge."""
+        linear = as_linear(model, self)
+        P0 = self.point(linear)
+        _warn_of_divergence(linear, P0, self.about)
+        return _Expanded(_rows(P0), self.newton)(linear)
+
+    def in_units(self, model: Model, covariance: Numbers) -> Algorithm:
+        """The same expansion, its point in the units of the hardware."""
+        return _Expanded(_rows(self.point(as_linear(model, self)) / covariance), self.newton)
+
+    def point(self, model: LinearModel) -> Numbers:
+        """The covariance about which the expansion is made. Shape (n, n)."""
+        match self.about:
+            case "identity":
+                return np.eye(model.n)
+            case "initial":
+                return steady_state.first_prior(model)
+            case "steady_state":
+                return steady_state.steady_prior(model)
+            case matrix:
+                return _checked(np.array(matrix), model)
+
+
+def gain_error(model: LinearModel, P0: Numbers, P: Numbers, newton: int = 0) -> float:
+    """How far the gain at P can be from the optimal one, when the expansion is about P0: a relative bound.
+
+    With L L' = S0 the difference is K E^q, q = 2^(newton + 1), so that in the spectral norm
+    |(K~ - K) L| <= r^q |K L|, where r is the spectral radius of E = I - S S0^-1. Returns r^q. It holds for
+    every combination of valid components: a part of S and S0 has no eigenvalues beyond those of the whole.
+    """
+    return float(spectral_radius(model, P0, P) ** (2 ** (newton + 1)))
+
+
+def spectral_radius(model: LinearModel, P0: Numbers, P: Numbers) -> float:
+    """The spectral radius of I - S S0^-1; below 1 the expansion about P0 converges at P."""
+    L = np.linalg.cholesky(steady_state.innovation_covariance(model, P0))
+    S = steady_state.innovation_covariance(model, P)
+    M = np.linalg.solve(L, np.linalg.solve(L, S).T)
+    return float(np.abs(1.0 - np.linalg.eigvalsh((M + M.T) / 2)).max())
+
+
+@dataclass(frozen=True, slots=True)
+class _Expanded(Algorithm):
+    """The expansion about a covariance in the units of the model that it is called with."""
+
+    point: Point
+    newton: int
+    kind: ClassVar[str] = Taylor.kind
+
+    def __call__(self, model: Model) -> Filter:
+        linear = as_linear(model, self)
+        S0 = steady_state.innovation_covariance(linear, np.array(self.point))
+        S0[np.abs(S0) <= 8 * np.finfo(np.float64).eps * np.sqrt(np.outer(np.diag(S0), np.diag(S0)))] = 0.0
+        return covariance_filter(linear, lambda prior, given: _update(linear, S0, self.newton, prior, given))
+
+
+def _update(model: LinearModel, S0: Numbers, newton: int, prior: Belief, given: Given) -> Correction:
+    y = innovation(model, prior.x, given)
+    gain = _approximate_gain(model, S0, newton, prior, given.valid)
+    P = joseph_covariance(model, prior, gain.K, given.valid)
+    return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
+
+
+def _approximate_gain(
+    model: LinearModel, S0: Numbers, newton: int, prior: Belief, valid: tuple[Condition, ...]
+) -> Gain:
+    """K = P H' X, liu2007 eq. 15."""
+    H, R = model.H.astype(object), model.R.astype(object)
+    PHt = named("update: PHt", prior.P @ H.T)
+    S = named("update: S", symmetric(H @ PHt + R))
+    coupled = S.copy()
+    coupled[S0 != 0.0] = 1.0
+    parts = blocks(coupled)
+    X = np.zeros_like(S)
+    for part in parts:
+        place = np.ix_(part, part)
+        X[place] = _expansion(S[place], S0[place], [valid[j] for j in part])
+    for _ in range(newton):
+        X = symmetric(2.0 * X - X @ (S @ X))
+    X = named("update: Si", X)
+    return Gain(PHt, named("update: K", PHt @ X), X, parts)
+
+
+def _expansion(S: Array, S0: Numbers, valid: Sequence[Condition]) -> Array:
+    """2 X0 - X0 S X0 over the valid components of a block, zero in rows and columns of the others.
+
+    A block of one is left as it is: nobody uses the gain of a missed component.
+    """
+    count = len(S)
+    if count == 1:
+        return _about(S, S0)
+    if not np.any(S0 - np.diag(np.diag(S0))):
+        X = _about(S, S0)
+        for i, j in np.ndindex(count, count):
+            X[i, j] = select(both(valid[i], valid[j]), X[i, j], 0.0)
+        return X
+    if count > MAX_BLOCK:
+        problem = f' = "{Taylor.kind}" expands at most {MAX_BLOCK} correlated innovations, here are {count}: '
+        raise InvalidModelValueError("algorithm", "kind", problem + 'use "sequential"')
+    expansions = {}
+    for used in _subsets(count):
+        whole = np.zeros((count, count), object)
+        whole[np.ix_(used, used)] = _about(S[np.ix_(used, used)], S0[np.ix_(used, used)])
+        expansions[used] = whole
+    X = np.zeros((count, count), object)
+    for i, j in np.ndindex(count, count):
+        X[i, j] = _chosen({used: whole[i, j] for used, whole in expansions.items()}, valid, ())
+    return symmetric(X)
+
+
+def _about(S: Array, S0: Numbers) -> Array:
+    """X0 - X0 (S - S0) X0 as sums over the upper triangle of S, each entry by a constant, liu2007 eq. 14."""
+    count = len(S)
+    X0 = np.linalg.inv(S0) if count else S0
+    X = np.zeros((count, count), object)
+    for a in range(count):
+        for b in range(a, count):
+            total: Any = 2.0 * X0[a, b]
+            for c in range(count):
+                for d in range(c, count):
+                    weight = X0[a, c] * X0[d, b] + (X0[a, d] * X0[c, b] if c != d else 0.0)
+                    total = total - S[c, d] * float(weight)
+            X[a, b] = X[b, a] = total
+    return X
+
+
+def _subsets(count: int) -> list[tuple[int, ...]]:
+    return [tuple(i for i in range(count) if bits >> i & 1) for bits in range(1 << count)]
+
+
+def _chosen(values: dict[tuple[int, ...], Any], valid: Sequence[Condition], used: tuple[int, ...]) -> Any:
+    """The value that belongs to the components that are valid; ``used`` are those asked so far."""
+    if not valid:
+        return values[used]
+    *before, last = valid
+    return select(
+        last,
+        _chosen(values, before, (len(before), *used)),
+        _chosen(values, before, used),
+    )
+
+
+def _warn_of_divergence(model: LinearModel, P0: Numbers, about: About | Point) -> None:
+    path = steady_state.approach(model, _WATCHED)
+    radius = _greatest_radius(model, P0, path)
+    if radius < 1.0:
+        return
+    name = f'"{about}"' if isinstance(about, str) else "this matrix"
+    warnings.warn(
+        f"[algorithm] about = {name} does not converge for this model: on its way from the start to the "
+        f"steady state the spectral radius of I - S S0^-1 comes to {radius:.3g}, which must stay below 1: "
+        f"{_remedy(model, path)}",
+        KalmanhdlWarning,
+        stacklevel=3,
+    )
+
+
+def _remedy(model: LinearModel, path: Sequence[Numbers]) -> str:
+    """A point of expansion that converges."""
+    for name, P0 in (("initial", path[0]), ("steady_state", path[-1])):
+        if _greatest_radius(model, P0, path) < 1.0:
+            return f'write about = "{name}"'
+    # Above half of every covariance on the way there is nothing to turn round.
+    covering = sum(path[:: max(1, len(path) // 16)], path[-1])
+    if _greatest_radius(model, covering, path) < 1.0:
+        return f"write about = {np.array2string(covering, precision=3, separator=', ')}"
+    return 'choose "conventional"'
+
+
+def _greatest_radius(model: LinearModel, P0: Numbers, path: Iterable[Numbers]) -> float:
+    return max(spectral_radius(model, P0, P) for P in path)
+
+
+def _rows(matrix: Numbers) -> Point:
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+def _point(about: object) -> About | Point:
+    if isinstance(about, str):
+        for name in POINTS:
+            if about == name:
+                return name
+        hint = nearest(about, POINTS)
+        raise InvalidValueError("algorithm", "about", f" = {shown(about)} is unknown: {hint}")
+    try:
+        return _rows(np.asarray(about, np.float64))
+    except (TypeError, ValueError):
+        problem = f" = {shown(about)}: write one of {', '.join(POINTS)}, or a covariance [[...], ...]"
+        raise InvalidValueError("algorithm", "about", problem) from None
+
+
+def _checked(P0: Numbers, model: LinearModel) -> Numbers:
+    """A point that the user gave. Raises ModelError where it is no covariance of the model's states."""
+    if P0.shape != (model.n, model.n):
+        size = " x ".join(map(str, P0.shape))
+        raise InvalidModelValueError("algorithm", "about", f" is {size}: {model.n} x {model.n}, as F")
+    symmetrical = np.isfinite(P0).all() and np.allclose(P0, P0.T, rtol=1e-9, atol=0.0)
+    if not symmetrical or np.linalg.eigvalsh(P0)[0] < -1e-9 * np.abs(P0).max():
+        problem = " is no covariance: make it symmetric and positive semidefinite"
+        raise InvalidModelValueError("algorithm", "about", problem)
+    return (P0 + P0.T) / 2
