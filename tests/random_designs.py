@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kalmanhdl.algorithm import ALGORITHMS, LINEAR
+from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Algorithm, Scheduled, Taylor
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design import Architecture, Design, Target
@@ -21,14 +21,33 @@ def random_design(
     channels = int(random.choice([1, 1, 2, 3, 5, 8, 13, 20]))
     least = 2 if channels == 2 else 1
     interval = None if random.random() < 0.3 else int(random.integers(least, 8))
+    model = _model(random, max_states, max_measurements)
     return Design(
         name=f"random_{seed}",
-        model=_model(random, max_states, max_measurements),
-        algorithm=ALGORITHMS[str(random.choice(sorted(LINEAR)))](),
+        model=model,
+        algorithm=_algorithm(random, model),
         numerics=_numerics(random),
         architecture=Architecture(interval=interval, channels=channels),
         target=Target(device=device, grade=6),
     )
+
+
+def _algorithm(random: np.random.Generator, model: LinearModel) -> Algorithm:
+    kind = str(random.choice(sorted(LINEAR)))
+    if kind == Taylor.kind:
+        return Taylor(covering(model), int(random.integers(0, 2)))
+    if kind == Scheduled.kind:
+        return Scheduled(int(random.integers(0, 20)))
+    return ALGORITHMS[kind]()
+
+
+def covering(model: LinearModel, misses: int = 8) -> np.ndarray:
+    """A covariance above those of tracks that miss so many plots in a row: expansions about it converge."""
+    P = total = model.initial.P
+    for _ in range(misses):
+        P = model.F @ P @ model.F.T + model.Q
+        total = total + P
+    return total
 
 
 def _model(random: np.random.Generator, max_states: int, max_measurements: int) -> LinearModel:

@@ -5,6 +5,7 @@ import pytest
 
 from kalmanhdl.algorithm import ALGORITHMS, LINEAR
 from kalmanhdl.algorithm.filter import Given, step
+from kalmanhdl.algorithm.memory import COUNTER
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.design import Design
 from kalmanhdl.graph.balance import balanced
@@ -21,13 +22,14 @@ def _counts(graph):
     return counts(graph.operations, reachable(graph.operations, [root for _, root in graph.states]))
 
 
-def test_the_radar_filter_needs_eight_multiplications_and_two_reciprocals():
+@pytest.mark.parametrize("kind", ["conventional", "sequential"])
+def test_the_radar_filter_needs_eight_multiplications_and_two_reciprocals(kind):
     design = Design.load(DESIGNS + "lee1997.toml")
-    graph = numbers(design.model, ALGORITHMS["conventional"](), design.numerics).graph
+    graph = numbers(design.model, ALGORITHMS[kind](), design.numerics).graph
     found = _counts(graph)
     assert (found["multiply"], found["reciprocal"], found["divide"]) == (8, 2, 0)
     # In the paper's own units as well, where R is not one.
-    unscaled = _counts(trace(design.model, ALGORITHMS["conventional"]()(design.model)))
+    unscaled = _counts(trace(design.model, ALGORITHMS[kind]()(design.model)))
     assert (unscaled["multiply"], unscaled["reciprocal"], unscaled["divide"]) == (8, 2, 0)
 
 
@@ -50,6 +52,7 @@ def _leaves(graph, random):
     names = [operation.name for operation in graph.operations if hasattr(operation, "name")]
     leaves = {name: random.standard_normal(7) for name in names}
     leaves |= {name: random.random(7) < 0.6 for name in names if name.startswith(("valid", "init"))}
+    leaves |= {name: np.round(random.random(7)) for name in names if name.startswith(f"{COUNTER}[")}
     return leaves
 
 

@@ -46,7 +46,8 @@ class Taylor(Algorithm):
 
     It warns where the expansion does not converge: S > 2 S0 in some direction turns a gain round, and the
     filter diverges. Take "initial" where covariances fall, "steady_state" where they grow or the start is
-    near it.
+    near it; where measurements are missed, which raises S, a covariance above half of what that makes of it.
+    A point too high only makes gains too small, which ``newton`` repairs.
 
     No reciprocals. Multiplications of signals for dense H: n m^2 for the gain, 2 n^3 + n^2 m for the
     covariance, and 2 m^3 for each of the ``newton`` steps; about m^4 / 4 by constants. Choose it where the
