@@ -16,7 +16,7 @@ from kalmanhdl.target import device
 from kalmanhdl.toolchain.cxxrtl import build_library
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 from kalmanhdl.verify.compare import border_of, verify
-from kalmanhdl.verify.stimulus import random_sections
+from kalmanhdl.verify.stimulus import Section, random_steps
 
 pytestmark = pytest.mark.skipif(
     not any(map(shutil.which, ("g++", "clang++", "c++"))), reason="no C++ compiler"
@@ -27,8 +27,8 @@ PART = device("ecp5-25k", 8)
 def verified_steps(plan: Plan, count: int) -> int:
     verilog = rtlil_to_verilog(to_rtlil(Filter(plan), "robot"), "robot", header(plan, "robot"))
     library = build_library(verilog, "robot", border_of(interface(plan)), optimised=False)
-    sections = random_sections(plan, count, 1)
-    run = verify(library, "robot", plan, sections, stimulus="random")
+    section = Section(steps=random_steps(plan.typed, count, plan.channels, 1))
+    run = verify(library, "robot", plan, [section], stimulus="random")
     assert run.mismatches == 0
     return run.steps
 
