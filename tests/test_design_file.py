@@ -21,6 +21,7 @@ from kalmanhdl.model.motion import constant_acceleration, constant_velocity
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.model.turn import coordinated_turn
+from kalmanhdl.numerics.functions.method import Cordic, Interpolation
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 
 DESIGNS = Path(__file__).parents[1] / "designs"
@@ -237,6 +238,9 @@ def test_converted_measurements_that_cannot_be_are_refused(old, new, message):
         ),
         ('rounding = "half_even"', FixedSpecification(rounding=Rounding.HALF_EVEN)),
         ('overflow = "wrap"', FixedSpecification(overflow=Overflow.WRAP)),
+        ('functions = "auto"', FixedSpecification()),
+        ('functions = "cordic"', FixedSpecification(functions=Cordic())),
+        ("functions = { table = 6 }", FixedSpecification(functions=Interpolation(index_bits=6))),
         ('division = "radix4"', FixedSpecification(division=LongDivision(radix=4))),
         (
             "division = { table = 10, newton = 1 }",
@@ -341,6 +345,9 @@ def designs(draw):
         overflow=draw(st.sampled_from(Overflow)),
         scale=draw(st.just("auto") | one_each),
         covariance_scale=draw(st.just("auto") | positive | one_each),
+        functions=draw(
+            st.sampled_from([None, Cordic()]) | st.builds(Interpolation, index_bits=st.integers(1, 12))
+        ),
         division=draw(
             st.builds(LongDivision, radix=st.sampled_from([2, 4]))
             | st.builds(TableNewton, index_bits=st.integers(1, 16), iterations=st.integers(0, 8))

@@ -278,6 +278,7 @@ def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:
         scale=checked.scale,
         covariance_scale=checked.covariance_scale,
         division=checked.division,
+        functions=checked.functions,
         coast=checked.coast,
     )
 

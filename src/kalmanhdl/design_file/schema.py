@@ -15,6 +15,7 @@ from kalmanhdl.design_file.values import (
     EntryRows,
     Forms,
     FormValue,
+    Functions,
     Integer,
     Matrix,
     Names,
@@ -225,6 +226,7 @@ class FixedTable(Table):
     scale: Scales = "auto"
     covariance_scale: Scale = "auto"
     division: Division = Field(default_factory=LongDivision)
+    functions: Functions = None
     coast: Integer = 5
     signals: Forms = Field(default_factory=dict)
 

@@ -10,6 +10,7 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNew
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import DesignError
 from kalmanhdl.model.expression import evaluate
+from kalmanhdl.numerics.functions.method import Cordic, FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import MAX_FRACTION, MAX_WIDTH, Form, parse_format
 from kalmanhdl.validation import nearest, shown
 
@@ -174,6 +175,16 @@ def _division(value: Any, info: ValidationInfo) -> DivisionMethod:
     raise ValueError(f'{shown(value)}: write "radix2", "radix4" or {{ table = 10, newton = 0 }}')
 
 
+def _functions(value: Any, info: ValidationInfo) -> FunctionMethod | None:
+    if value == "auto":
+        return None
+    if value == "cordic":
+        return Cordic()
+    if isinstance(value, dict) and set(value) == {"table"}:
+        return Interpolation(index_bits=_integer(value["table"], info))
+    raise ValueError(f'{shown(value)}: write "auto", "cordic" or {{ table = 8 }}')
+
+
 def _point(value: Any, info: ValidationInfo) -> str | list[list[float]]:
     return value if isinstance(value, str) else _matrix(value, info)
 
@@ -217,5 +228,6 @@ Entries = Annotated[list[str | float], PlainValidator(_entries)]
 EntryRows = Annotated[list[list[str | float]], PlainValidator(_entry_rows)]
 Forms = Annotated[dict[str, Form], PlainValidator(_forms)]
 Division = Annotated[DivisionMethod, PlainValidator(_division)]
+Functions = Annotated[FunctionMethod | None, PlainValidator(_functions)]
 Point = Annotated[str | list[list[float]], PlainValidator(_point)]
 Steps = Annotated[Literal["auto"] | int, PlainValidator(_steps)]

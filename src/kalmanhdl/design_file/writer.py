@@ -17,6 +17,7 @@ from kalmanhdl.model.converted import ConvertedModel
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.state_space import Initial, LinearModel
+from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import FixedSpecification, Form
 
 Array = NDArray[np.float64]
@@ -132,7 +133,8 @@ def _numerics(numerics: FixedSpecification) -> Lines:
     lines.append(f"overflow = {_text(numerics.overflow.value)}")
     lines.append(f"scale = {_scale(numerics.scale)}")
     lines.append(f"covariance_scale = {_scale(numerics.covariance_scale)}")
-    return [*lines, f"division = {_division(numerics.division)}", f"coast = {numerics.coast}"]
+    lines += [f"division = {_division(numerics.division)}", f"functions = {_functions(numerics.functions)}"]
+    return [*lines, f"coast = {numerics.coast}"]
 
 
 def _signals(numerics: FixedSpecification) -> Lines:
@@ -166,6 +168,12 @@ def _form(form: Form) -> str:
         signed = str(form.signed).lower()
         return f"{{ width = {form.width}, fraction = {form.fraction}, signed = {signed} }}"
     return str(form)
+
+
+def _functions(functions: FunctionMethod | None) -> str:
+    if isinstance(functions, Interpolation):
+        return f"{{ table = {functions.index_bits} }}"
+    return '"auto"' if functions is None else '"cordic"'
 
 
 def _division(division: DivisionMethod) -> str:
