@@ -35,9 +35,9 @@ class BiermanThornton(Algorithm):
     Q and the start may be singular: zeros of their D are left out. A variance of D that vanishes while
     running divides nothing. Zeros of U stay where parts of the model are decoupled, in any order of states.
 
-    Multiplications of signals for dense F and H: m (n^2 + 5 n) for measurements and about
-    1.5 n^2 (n + q) for time, where q is the rank of Q, and n (n + 1) / 2 + n^2 (n - 1) / 6 where the
-    whole of P is asked for; m n + n - 1 reciprocals.
+    Multiplications of signals for dense F and H: about m (n^2 + 5 n) for measurements and 0.6 n (n + 1)
+    (n + q) for time, where q is the rank of Q, and n (n - 1) for the variances put out; m n + n - 1
+    reciprocals.
     """
 
     kind: ClassVar[str] = "bierman_thornton"
