@@ -22,15 +22,9 @@ from kalmanhdl.errors import ToolError
 
 # Exact whatever the flags: no contraction into fused multiply-add, and signed integers wrap.
 _EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
-# Selects are to stay selects: threaded into jumps, a loop makes no vectors.
-_FAST = (
-    "-O2",
-    "-march=native",
-    "-fopenmp-simd",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-fno-thread-jumps",
-)
+_FAST = ("-O2", "-march=native", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math")
+# Selects are to stay selects: threaded into jumps, a loop makes no vectors. Only gcc knows the word.
+_FAST_GCC = ("-fno-thread-jumps",)
 
 
 def find_compiler() -> tuple[str, ...] | None:
@@ -50,10 +44,12 @@ def shared_library(source: str, command: Sequence[str]) -> Path:
     Raises ToolError, with the compiler's own words, if it does not compile.
     """
     folder = cache_folder()
-    identity = "\0".join([source, *command, *_EXACT, *_FAST, _identity(tuple(command))])
+    compiler = _identity(tuple(command))
+    flags = (*_EXACT, *_FAST, *(() if "clang" in compiler else _FAST_GCC))
+    identity = "\0".join([source, *command, *flags, compiler])
     path = folder / f"{hashlib.sha256(identity.encode()).hexdigest()[:32]}.so"
     if not path.exists():
-        _compile(source, command, path)
+        _compile(source, [*command, *flags], path)
     return path
 
 
@@ -87,7 +83,7 @@ def _compile(source: str, command: Sequence[str], path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         code, made = Path(folder) / "engine.c", Path(folder) / "engine.so"
         code.write_text(source, encoding="utf-8")
-        code_of_exit, complaint = _run([*command, *_EXACT, *_FAST, "-o", str(made), str(code)], folder)
+        code_of_exit, complaint = _run([*command, "-o", str(made), str(code)], folder)
         if code_of_exit:
             lines = complaint.strip().splitlines() or [f"exit code {code_of_exit}"]
             line = next((line for line in lines if "error" in line), lines[-1])
