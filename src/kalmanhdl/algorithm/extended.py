@@ -56,10 +56,12 @@ class Extended(Algorithm):
         tangent = _Tangent(model.n, H, model.R, model.nis_weight)
         correct = joseph_correction if self.joseph else conventional_correction
         found = correct(tangent, prior, given.valid, y)
-        if not model.state_angles:
+        x = _wrapped(found.memory["x"], model.state_angles, model.units.state)
+        found = replace(found, memory={**found.memory, "x": named("update: x", x)})
+        if model.initial.before_update:
             return found
-        x = named("update: x", _wrapped(found.memory["x"], model.state_angles, model.units.state))
-        return replace(found, memory={**found.memory, "x": x})
+        # A start that takes no update has no prior either, about which h could be linearised.
+        return replace(found, nis=select(given.initialise, 0.0, found.nis))
 
 
 @dataclass(frozen=True, slots=True)

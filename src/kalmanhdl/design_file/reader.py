@@ -25,8 +25,10 @@ from kalmanhdl.design_file.schema import (
     FixedTable,
     GivenTable,
     LinearTable,
+    MeasuredTable,
     MotionTable,
     MultipleTable,
+    NonlinearTable,
     RootTable,
     Table,
     TargetTable,
@@ -41,6 +43,7 @@ from kalmanhdl.model.initial import given, three_point, two_point
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.motion import Motion, constant_acceleration, constant_velocity
 from kalmanhdl.model.multiple import MultipleModel, multiple_model
+from kalmanhdl.model.nonlinear import Measured, NonlinearModel, nonlinear_model
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.model.turn import coordinated_turn
@@ -173,7 +176,39 @@ def _constant_fault(name: str, problem: str, instead: Mapping[str, float | str])
 
 
 def _model(table: dict[str, Any], context: Context) -> Model:
-    return _multiple(table, context) if table.get("kind") == MultipleModel.kind else _single(table, context)
+    match table.get("kind"):
+        case MultipleModel.kind:
+            return _multiple(table, context)
+        case NonlinearModel.kind:
+            return _nonlinear(table, context)
+        case _:
+            return _single(table, context)
+
+
+def _nonlinear(table: dict[str, Any], context: Context) -> NonlinearModel:
+    checked = _checked(NonlinearTable, table, "model", context)
+    return nonlinear_model(
+        checked.f,
+        checked.h,
+        checked.Q,
+        checked.R,
+        initial=_nonlinear_initial(checked.initial, context),
+        G=checked.G,
+        state_names=checked.state,
+        state_units=checked.unit,
+        measurement_names=checked.measurement,
+        measurement_range=checked.measurement_range,
+        control_names=checked.control,
+        angles=checked.angles,
+        constants=context.constants,
+    )
+
+
+def _nonlinear_initial(table: dict[str, Any], context: Context) -> Initial | InitialRule | Measured:
+    if table.get("kind") != "measured":
+        return _initial(table, context)
+    checked = _checked(MeasuredTable, table, "model.initial", context)
+    return Measured(checked.x, checked.P)
 
 
 def _multiple(table: dict[str, Any], context: Context) -> MultipleModel:

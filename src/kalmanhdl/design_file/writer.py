@@ -1,7 +1,7 @@
 """A design as TOML text that loads to an equal design."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -14,9 +14,12 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import OutputError
 from kalmanhdl.model.converted import ConvertedModel
+from kalmanhdl.model.formulas import Formulas
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import Initial, LinearModel
+from kalmanhdl.model.written import written
 from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import FixedSpecification, Form
 
@@ -56,6 +59,8 @@ def dumps(design: Design) -> str:
 def _model(model: Model) -> list[Lines]:
     if isinstance(model, MultipleModel):
         return _multiple(model)
+    if isinstance(model, NonlinearModel):
+        return _nonlinear(model)
     if isinstance(model, ConvertedModel):
         return _converted(model)
     assert isinstance(model, LinearModel), model.kind
@@ -71,6 +76,45 @@ def _converted(model: ConvertedModel) -> list[Lines]:
     )
     coordinates = f"coordinates = {_text(model.coordinates)}"
     return [[*_linear(measured), coordinates], _initial(model.initial)]
+
+
+def _nonlinear(model: NonlinearModel) -> list[Lines]:
+    """Formulas as they were given; those of Python functions as what they compute."""
+    names = {"x": model.state_names, "u": model.control_names, "z": model.measurement_names}
+    angles = [model.measurement_names[j] for j in sorted(model.angles)]
+    angles += [model.state_names[i] for i in sorted(model.state_angles)]
+    gain = None
+    if model.G is not None:
+        flat, q = _formulas(model, "G", model.G, names), len(model.Q)
+        gain = [flat[row : row + q] for row in range(0, len(flat), q)]
+    lines = ["[model]", f"kind = {_text(model.kind)}", f"state = {_texts(model.state_names)}"]
+    lines += [f"unit = {_texts(model.state_units)}"] if any(model.state_units) else []
+    lines.append(f"measurement = {_texts(model.measurement_names)}")
+    lines += [f"control = {_texts(model.control_names)}"] if model.p else []
+    lines += [f"angles = {_texts(angles)}"] if angles else []
+    lines.append(f"f = {_texts(_formulas(model, 'f', model.f, names))}")
+    lines.append(f"h = {_texts(_formulas(model, 'h', model.h, names))}")
+    lines += [f"G = [{', '.join(map(_texts, gain))}]"] if gain else []
+    lines += [f"Q = {_matrix(model.Q)}", f"R = {_matrix(model.R)}"]
+    limits = model.measurement_range
+    lines += [f"measurement_range = {_matrix(limits)}"] if limits is not None else []
+    constants = [f"{name} = {_number(value)}" for name, value in model.constants.items()]
+    blocks = [lines, ["[model.constants]", *constants]] if constants else [lines]
+    initial = model.initial
+    if isinstance(initial, Initial):
+        return [*blocks, _initial(initial)]
+    start = f"x = {_texts(_formulas(model, 'x', initial.mean, names))}"
+    return [*blocks, ["[model.initial]", 'kind = "measured"', start, f"P = {_matrix(initial.P)}"]]
+
+
+def _formulas(
+    model: NonlinearModel, key: str, found: Formulas, names: Mapping[str, tuple[str, ...]]
+) -> tuple[str, ...]:
+    text = model.texts.get(key) or written(found, names)
+    if text is None:
+        problem = "this Python function is too long as formulas: give it as strings, with shorter parts"
+        raise OutputError(f"model.{key}: {problem}")
+    return text
 
 
 def _multiple(model: MultipleModel) -> list[Lines]:

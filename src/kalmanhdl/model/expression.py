@@ -22,7 +22,7 @@ from kalmanhdl.graph.signal import Scalar, Signal
 from kalmanhdl.validation import nearest, shown
 
 MAX_LENGTH = 200
-MAX_FORMULA = 20_000
+MAX_FORMULA = 5000
 MAX_DEPTH = 32
 MAX_EXPONENT = 32
 MAX_CONSTANTS = 256

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.signal import Array as Elements
+from kalmanhdl.math import wrap
 from kalmanhdl.model.units import Units
 
 Array = NDArray[np.float64]
@@ -141,6 +142,15 @@ class Model(Protocol):
 
     def in_units(self, units: Units) -> "Model":
         """The same model in other units."""
+
+
+def within_turn(model: Model, z: Array) -> Array:
+    """Measurements (..., m), angles brought within half a turn of the middle of their declared range."""
+    result = z.copy()
+    for j in model.angles:
+        middle = 0.0 if model.measurement_range is None else model.measurement_range[j].mean()
+        result[..., j] = middle + wrap(z[..., j] - middle)
+    return result
 
 
 def driven(model: Model, x: Array, u: Array, noise: Array) -> Array:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
 from kalmanhdl.graph.operations import And, Flag, Graph, Not, Or, Select, operands
-from kalmanhdl.math import wrap
-from kalmanhdl.model.model import Model, root
+from kalmanhdl.model.model import Model, root, within_turn
 
 Array = NDArray[np.float64]
 
@@ -57,10 +56,7 @@ def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS
             noise[k] = random.standard_normal((tracks, len(model.Q)))
         error[k] = random.standard_normal((tracks, model.m)) @ spread.T
     truth = model.trajectories(x, u, noise, random)
-    z = rows(model.observation(elements(truth)), (steps, tracks)) + error
-    for j in model.angles:
-        middle = 0.0 if model.measurement_range is None else model.measurement_range[j].mean()
-        z[..., j] = middle + wrap(z[..., j] - middle)
+    z = within_turn(model, rows(model.observation(elements(truth)), (steps, tracks)) + error)
     relevant = np.ones((steps, tracks), bool)
     if model.measurement_range is not None:
         low, high = model.measurement_range.T
@@ -105,8 +101,10 @@ def _widen(low: Array, high: Array, values: list[Any], relevant: NDArray[np.bool
     for index in cone:
         value = np.broadcast_to(np.asarray(values[index]), relevant.shape)[relevant]
         if value.dtype != bool:
-            low[index] = min(low[index], value.min())
-            high[index] = max(high[index], value.max())
+            # A filter that loses its track may divide by zero; what it computes then asks for no format.
+            finite = value[np.isfinite(value)]
+            low[index] = min(low[index], finite.min(initial=np.inf))
+            high[index] = max(high[index], finite.max(initial=-np.inf))
 
 
 def _cones(graph: Graph) -> tuple[set[int], set[int]]:

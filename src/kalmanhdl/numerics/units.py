@@ -78,7 +78,7 @@ def _measurement_units(model: Model, state: Array, plots: Plots) -> Array:
     def unit(j: int) -> float:
         if j in model.seen:
             return float(state[model.seen[j].state]) * _power(abs(model.seen[j].factor))
-        reach = float(np.abs(plots.z[..., j]).max())
+        reach = float(np.abs(plots.z[plots.relevant][:, j]).max(initial=0.0))
         # In turns, an angle is wrapped by leaving out bits.
         return _power(reach / math.tau) * math.tau if j in model.angles else _power(reach)
 

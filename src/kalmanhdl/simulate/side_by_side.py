@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Input
-from kalmanhdl.model.model import Model
+from kalmanhdl.model.model import Model, within_turn
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate.commands import Command, commands, started
@@ -80,7 +80,7 @@ def _run(typed: TypedGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Tra
 def stimulus_of(model: Model, typed: TypedGraph, plots: Plots) -> Stimulus:
     """Plots as the hardware takes them, rounded to the nearest raw integer of their formats."""
     given = commands(model, plots.z, plots.active)
-    values = {f"z[{j}]": plots.z[..., j] for j in range(model.m)}
+    values = {f"z[{j}]": column for j, column in enumerate(np.moveaxis(within_turn(model, plots.z), -1, 0))}
     values |= {f"u[{k}]": plots.u[..., k] for k in range(model.p)}
     inputs, clipped = {}, 0
     for index, operation in enumerate(typed.graph.operations):
