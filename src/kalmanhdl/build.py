@@ -1,7 +1,9 @@
 """A whole build: the stages in their order, and the folder that keeps what they made."""
 
+import re
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -137,7 +139,7 @@ def read_build(folder: Path) -> Hardware:
     if not (folder / _DESIGN).is_file():
         raise DesignError(f"{folder}: is no build folder: it has no {_DESIGN}")
     design = load(folder / _DESIGN)
-    path = folder / f"{design.name}.v"
+    path = verilog_path(folder, design)
     try:
         verilog = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -145,6 +147,21 @@ def read_build(folder: Path) -> Hardware:
         raise DesignError(f"{path}: the Verilog of the build cannot be read: {reason}") from None
     typed, plan = planned_design(design)
     return Hardware(design=design, numbers=typed, plan=plan, interface=interface(plan), verilog=verilog)
+
+
+def verilog_path(folder: Path, design: Design) -> Path:
+    """The Verilog of a build folder."""
+    return folder / f"{design.name}.v"
+
+
+@contextmanager
+def blamed_on(path: Path) -> Iterator[None]:
+    """The tools' complaints about the Verilog that they were given name the user's file."""
+    try:
+        yield
+    except ToolError as error:
+        line = re.sub(r"\bdesign\.v:(\d+)(\.\d+-\d+(\.\d+)?)?:?", r"line \1:", str(error))
+        raise ToolError(f"{path}: {line}") from None
 
 
 def planned_design(design: Design) -> tuple[Numbers, Plan]:

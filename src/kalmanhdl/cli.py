@@ -1,5 +1,6 @@
 """The command ``kalmanhdl``: parse, call, print."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -162,7 +163,8 @@ def verify(
         hardware = _hardware(path, progress, constant)
         plots = _read(data, hardware.design)
         progress(f"verifying {steps} steps, Verilog against engine")
-        found = verify_long(hardware, steps, plots, seed)
+        with _blaming(path, hardware.design):
+            found = verify_long(hardware, steps, plots, seed)
     typer.echo(verification_table(found))
 
 
@@ -183,7 +185,8 @@ def implement(
     with Progress() as progress:
         prepare(place=True, progress=progress)
         hardware = _hardware(path, progress, constant, seeds=seeds, grade=grade, device=device)
-        implemented = run(hardware, progress)
+        with _blaming(path, hardware.design):
+            implemented = run(hardware, progress)
     typer.echo(implementation_table(hardware.plan, implemented))
 
 
@@ -218,6 +221,12 @@ def show(
         typer.echo(design_tables(chosen, typed, plan))
     if out is not None:
         typer.echo(f"schedule: {out}")
+
+
+def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:
+    from kalmanhdl.build import blamed_on, verilog_path
+
+    return blamed_on(verilog_path(path, design)) if path.is_dir() else nullcontext()
 
 
 def _draw(design: "Design", plan: "Plan", out: Path) -> None:
