@@ -3,7 +3,17 @@
 from collections import Counter
 
 from kalmanhdl.graph.builder import Builder
-from kalmanhdl.graph.operations import Constant, Divide, Graph, Operation, Reciprocal, operands
+from kalmanhdl.graph.operations import (
+    Binary,
+    Constant,
+    Divide,
+    Function,
+    Graph,
+    Operation,
+    Reciprocal,
+    Unary,
+    operands,
+)
 
 
 def simplified(graph: Graph) -> Graph:
@@ -50,14 +60,17 @@ TERM = " term"
 
 
 def counts(operations: tuple[Operation, ...], needed: set[int]) -> dict[str, int]:
-    """How many operations of each kind there are among those needed."""
+    """How many operations of each kind there are among those needed; of functions, those that there are."""
     found = Counter(_kind(operations, index) for index in needed)
     kinds = ("add", "subtract", "multiply", "constant_multiply", "divide", "reciprocal", "square_root")
-    return {kind: found[kind] for kind in kinds}
+    functions = (function.value for function in Function if found[function.value])
+    return {kind: found[kind] for kind in (*kinds, *functions)}
 
 
 def _kind(operations: tuple[Operation, ...], index: int) -> str:
     operation = operations[index]
+    if isinstance(operation, Unary | Binary):
+        return operation.function.value
     name = type(operation).__name__.lower()
     by_constant = any(isinstance(operations[i], Constant) for i in operands(operation))
     return "constant_multiply" if name == "multiply" and by_constant else name
