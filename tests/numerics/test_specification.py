@@ -5,6 +5,7 @@ import pytest
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import DesignError
+from kalmanhdl.numerics.functions.method import Interpolation
 from kalmanhdl.numerics.specification import FixedSpecification, parse_format
 
 
@@ -54,6 +55,11 @@ def test_q_notation_counts_the_sign_among_the_integer_bits(text, form):
         ({"division": TableNewton(index_bits=30, iterations=0)}, "an index has 1 to 16 bits"),
         ({"division": TableNewton(index_bits=8, iterations=9)}, "0 to 8 iterations"),
         ({"division": "radix2"}, "[numerics] division = 'radix2'"),
+        ({"functions": "cordic"}, '[numerics] functions = \'cordic\': "auto", "cordic" or { table = 8 }'),
+        (
+            {"functions": Interpolation(index_bits=13)},
+            "[numerics] functions table = 13: an index has 1 to 12 bits",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(arguments, message):

@@ -13,7 +13,7 @@ GROUPS = {
     "additions and subtractions": ("add", "subtract"),
     "rounding into a format": ("quantise",),
     "selection": ("select",),
-    "flags": ("outside", "and", "or", "not"),
+    "flags": ("outside", "negative", "and", "or", "not"),
 }
 
 

@@ -5,6 +5,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from kalmanhdl.graph.operations import (
+    Bits,
     Constant,
     Flag,
     Graph,
@@ -108,7 +109,7 @@ def _rows(plan: Plan) -> list[Row]:
             origin=graph.origins[index],
         )
         for index, operation in enumerate(graph.operations)
-        if not isinstance(operation, Input | Flag | State | StateFlag | Constant | Shift)
+        if not isinstance(operation, Input | Flag | State | StateFlag | Constant | Shift | Bits)
     ]
 
 
