@@ -24,7 +24,7 @@ _ANGLE_BITS = 4
 def lowered(
     circuit: Circuit, function: Function, operands: tuple[int, ...], form: Fixed, method: FunctionMethod
 ) -> int:
-    """A function of integers, for a result that is rounded into ``form`` later: within half its last bit.
+    """A function of integers, within 0.3 of the last bit of ``form``, into which the result is rounded later.
 
     A square root is exact to the bit below the last one, rounded down; ``wrap`` is exact.
     """
