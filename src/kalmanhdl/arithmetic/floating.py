@@ -12,7 +12,7 @@ from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.errors import FormatError
 
 MODES = (Rounding.HALF_EVEN, Rounding.TOWARD_ZERO)
-_EXPONENTS, _MANTISSAS = range(2, 20), range(1, 237)
+EXPONENTS, MANTISSAS = range(2, 20), range(1, 237)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,10 @@ class Float:
     subnormals: bool = True
 
     def __post_init__(self) -> None:
-        if self.exponent not in _EXPONENTS or self.mantissa not in _MANTISSAS:
+        if self.exponent not in EXPONENTS or self.mantissa not in MANTISSAS:
             raise FormatError(
-                f"{self}: an exponent has {_EXPONENTS[0]} to {_EXPONENTS[-1]} bits, "
-                f"a mantissa {_MANTISSAS[0]} to {_MANTISSAS[-1]}"
+                f"{self}: an exponent has {EXPONENTS[0]} to {EXPONENTS[-1]} bits, "
+                f"a mantissa {MANTISSAS[0]} to {MANTISSAS[-1]}"
             )
         if self.rounding not in MODES:
             words = " or ".join(mode.value for mode in MODES)
@@ -75,6 +75,10 @@ class Float:
         """The raw integer without its sign; of a subnormal that does not count, zero."""
         bits = raw & (self.sign - 1)
         return 0 if not self.subnormals and bits >> self.mantissa == 0 else bits
+
+    def canonical(self, raw: int) -> int:
+        """The raw integer as it is kept: the one NaN, and zero for a subnormal that does not count."""
+        return self.nan if self.is_nan(raw) else self.magnitude(raw) | raw & self.sign
 
     def is_nan(self, raw: int) -> bool:
         """Whether a raw integer is no number."""
@@ -213,3 +217,20 @@ def square_root(form: Float, a: int) -> int:
     if Fraction(root * root) == units:
         return encoded(form, False, Fraction(root, 1 << (shift // 2)))
     return encoded(form, False, Fraction(2 * root + 1, 1 << (shift // 2 + 1)))
+
+
+def negate(form: Float, a: int) -> int:
+    """a with the other sign."""
+    return form.nan if form.is_nan(a) else form.canonical(a) ^ form.sign
+
+
+def scale(form: Float, a: int, exponent: int) -> int:
+    """a * 2**exponent."""
+    if form.is_nan(a) or form.is_infinite(a):
+        return form.canonical(a)
+    return encoded(form, bool(a & form.sign), abs(form.real(a)) * Fraction(2) ** exponent)
+
+
+def is_negative(form: Float, a: int) -> bool:
+    """a < 0, which neither NaN nor a negative zero is."""
+    return bool(a & form.sign) and 0 < form.magnitude(a) <= form.infinity

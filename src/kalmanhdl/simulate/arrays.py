@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.errors import DataError, FormatError
-from kalmanhdl.simulate.generate_c import Port, Program
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
+from kalmanhdl.simulate.program import Port, Program
 
 Named = Mapping[str, Integers]
 

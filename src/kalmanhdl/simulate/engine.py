@@ -1,7 +1,7 @@
 """The bit-exact engine: every raw integer of a filter, step by step, for many tracks at once.
 
-A typed graph is compiled to C (see ``generate_c``); without a C compiler the interpreter gives the
-same integers, slowly, and ``Engine.compiled`` is False.
+A typed graph is compiled to C (see ``generate_c``); without a C compiler, and for floating-point numbers of
+more than 64 bits, an interpreter gives the same integers, slowly, and ``Engine.compiled`` is False.
 """
 
 import ctypes
@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.errors import ToolError
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.simulate.arrays import Arrays, Named, Results, allocated, checked, empty, whole
 from kalmanhdl.simulate.compiler import find_compiler, shared_library
 from kalmanhdl.simulate.fallback import run_interpreted
-from kalmanhdl.simulate.generate_c import LANES, Program, generate
+from kalmanhdl.simulate.generate_c import generate
 from kalmanhdl.simulate.limbs import Integers
+from kalmanhdl.simulate.program import LANES, Program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,9 +32,10 @@ class Trace:
     ``outputs[name]`` and ``states[name]`` have shape (steps, tracks), the states as they are after each
     step (empty if not recorded); ``final_state[name]`` has shape (tracks,). ``saturations[k]`` counts how
     often the rounded value of operation k did not fit its format, for every operation of which that is
-    possible; ``violations[k]`` counts only the steps in which it mattered, for the quantised values of
-    ``TypedGraph.violations``. ``extremes[k]`` is what operation k really took, of a monitored run: inputs,
-    states, outputs, quantised values and quotients. Steps that are not active count nowhere.
+    possible; ``violations[k]`` counts only the steps in which it mattered, for the values of the graph's
+    ``violations``. ``extremes[k]`` is what operation k really took, of a monitored run: inputs, states,
+    outputs, quantised values and quotients; of floating-point numbers there are none. Steps that are not
+    active count nowhere.
     """
 
     outputs: dict[str, Integers]
@@ -52,18 +55,18 @@ class Trace:
 class Engine:
     """Runs one typed graph. ``compiled`` tells whether as C or in the interpreter."""
 
-    typed: TypedGraph
+    typed: TypedGraph | FloatGraph
     program: Program
     library: Path | None = field(repr=False)
 
     @staticmethod
-    def of(typed: TypedGraph) -> "Engine":
+    def of(typed: TypedGraph | FloatGraph) -> "Engine":
         """The engine of a graph, compiled unless that was done before. Raises ToolError."""
         return engines([typed])[0]
 
     @property
     def compiled(self) -> bool:
-        """Whether the engine is compiled C; else a C compiler is missing and it is slow."""
+        """Whether the engine is compiled C; else it is slow, for want of a compiler or of numbers so wide."""
         return self.library is not None
 
     def run(
@@ -101,15 +104,19 @@ class Engine:
         )
 
 
-def engines(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[Engine, ...]:
+def engines(graphs: Sequence[TypedGraph | FloatGraph], minimum_bits: int = 0) -> tuple[Engine, ...]:
     """The engines of many graphs, compiled together, which is quicker than one by one.
 
     ``minimum_bits`` forces wider integers than needed; results do not change. Raises ToolError.
     """
     source, programs = generate(graphs, minimum_bits)
     command = find_compiler()
-    library = shared_library(source, command) if command else None
-    return tuple(Engine(g, program, library) for g, program in zip(graphs, programs, strict=True))
+    some = any(program.text for program in programs)
+    library = shared_library(source, command) if command and some else None
+    return tuple(
+        Engine(graph, program, library if program.text else None)
+        for graph, program in zip(graphs, programs, strict=True)
+    )
 
 
 @lru_cache(maxsize=64)

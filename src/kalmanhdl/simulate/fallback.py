@@ -4,15 +4,17 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from kalmanhdl.numerics.floating import FloatGraph, Unbounded
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.simulate.arrays import Arrays, Results
-from kalmanhdl.simulate.generate_c import INITIALISE, Port, Program
+from kalmanhdl.simulate.float_interpreter import interpret_float
 from kalmanhdl.simulate.interpreter import Step, interpret, next_state
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
+from kalmanhdl.simulate.program import INITIALISE, Port, Program
 
 
 def run_interpreted(
-    typed: TypedGraph, program: Program, arrays: Arrays, results: Results
+    typed: TypedGraph | FloatGraph, program: Program, arrays: Arrays, results: Results
 ) -> tuple[list[int], dict[int, Interval]]:
     """Fill the results. Returns the counts of saturations and violations, and all extremes."""
     counts = [0] * (len(program.counted) + len(program.violations))
@@ -22,8 +24,7 @@ def run_interpreted(
         for step in range(arrays.steps):
             at = (step, track)
             if arrays.active is None or arrays.active[at]:
-                done = interpret(typed, _given(program, arrays, at), state)
-                state = next_state(typed, done.values)
+                done, state = _step(typed, _given(program, arrays, at), state)
                 _widen(program, done, extremes)
                 for n, hit in enumerate(_hits(typed, program, done)):
                     counts[n] += hit
@@ -34,6 +35,17 @@ def run_interpreted(
     return counts, extremes
 
 
+def _step(
+    typed: TypedGraph | FloatGraph, given: Mapping[str, int], state: Mapping[str, int]
+) -> tuple[Step, dict[str, int]]:
+    """What a step computes, and the states that it leaves."""
+    if isinstance(typed, FloatGraph):
+        done = interpret_float(typed, given, state)
+        return done, {name: done.values[root] for name, root in typed.graph.states}
+    done = interpret(typed, given, state)
+    return done, next_state(typed, done.values)
+
+
 _Place = int | tuple[int, int]
 
 
@@ -42,12 +54,16 @@ def _given(program: Program, arrays: Arrays, at: _Place) -> Mapping[str, int]:
     return {port.name: _get(port, array, at) for port, array in ports}
 
 
-def _hits(typed: TypedGraph, program: Program, done: Step) -> Iterable[bool]:
+def _hits(typed: TypedGraph | FloatGraph, program: Program, done: Step) -> Iterable[bool]:
     """Whether each counted operation saturated, then whether each violation matters."""
     starts = any(done.values[port.index] for port in program.flags if port.name == INITIALISE)
     yield from (index in done.saturated for index in program.counted)
     for violation in typed.violations:
-        yield bool(done.values[violation.outside]) and (violation.starting if starts else violation.running)
+        if isinstance(violation, Unbounded):
+            happens = violation.value in done.saturated
+        else:
+            happens = bool(done.values[violation.outside])
+        yield happens and (violation.starting if starts else violation.running)
 
 
 def _widen(program: Program, done: Step, extremes: dict[int, Interval]) -> None:

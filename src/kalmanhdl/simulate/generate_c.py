@@ -1,104 +1,40 @@
-"""A typed graph as straight-line C over groups of tracks.
+"""A typed graph as straight-line C over groups of tracks."""
 
-A group is as many tracks as the C has lanes. Per program the C has three functions: ``step`` computes one
-step of a group; ``watch`` the same, and counts what saturated and keeps the extremes; ``run`` loads, steps
-and stores. ``watch`` runs only if something saturated or if asked for.
-"""
-
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 
 from kalmanhdl.arithmetic.division import TableNewton, reciprocal_table
 from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal, State, StateFlag
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph, Violation
-from kalmanhdl.simulate.chunks import Chunk, split
 from kalmanhdl.simulate.expression import Flag as FlagText
-from kalmanhdl.simulate.expression import Kind, Value, Writer, cast, literal_text, signed_bits
+from kalmanhdl.simulate.expression import Kind, Value, Writer
+from kalmanhdl.simulate.generate_float import float_header, float_program
 from kalmanhdl.simulate.lowering import Lowering, lower
-
-# Tracks of a group: the 32-bit integers of the widest vectors that processors have.
-LANES = 16
-# Groups that go through a step before the next: their states stay in the first-level cache.
-GROUPS = 8
-
-# The narrowest arrays hold their integers as these types of the C; wider integers have arrays of limbs.
-_ROWS = {
-    "int16": (-(1 << 15), (1 << 15) - 1, Kind.INT32),
-    "uint16": (0, (1 << 16) - 1, Kind.INT32),
-    "int32": (-(1 << 31), (1 << 31) - 1, Kind.INT32),
-    "uint32": (0, (1 << 32) - 1, Kind.INT64),
-    "int64": (-(1 << 63), (1 << 63) - 1, Kind.INT64),
-}
-
-# The flag of a step that starts a track.
-INITIALISE = "initialise"
+from kalmanhdl.simulate.program import GROUPS, INITIALISE, LANES, Parts, Port, Program, assembled, kept_state
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Port:
-    """A value that enters or leaves a step, in an array.
-
-    ``index`` is the operation whose value it is, ``low`` and ``high`` its bounds, None for flags. In the C
-    it is the member ``x<index>`` of a structure, of type ``kind``.
-    """
-
-    name: str
-    index: int
-    kind: Kind
-    low: int
-    high: int
-    flag: bool
-
-    @property
-    def limbs(self) -> int:
-        """The 64-bit limbs of each of the array's integers, none if a type of NumPy holds them."""
-        return 0 if self.row in _ROWS or self.flag else -(-signed_bits(self.low, self.high) // 64)
-
-    @property
-    def row(self) -> str:
-        """The type of the array: NumPy's narrowest for these bounds, uint8 for flags, uint64 of limbs."""
-        if self.flag:
-            return "uint8"
-        fits = (name for name, (low, high, _) in _ROWS.items() if low <= self.low and self.high <= high)
-        return next(fits, "uint64")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
-    """The C of one graph, and the order in which its arrays are handed over.
-
-    ``counted`` are the operations that can leave their format, ``violations`` the quantised ones of the
-    graph's violations, counted after those and only where they matter; ``watched`` are those whose
-    extremes are kept.
-    """
-
-    name: str
-    text: str
-    bits: int
-    inputs: tuple[Port, ...]
-    flags: tuple[Port, ...]
-    states: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    counted: tuple[int, ...]
-    violations: tuple[int, ...]
-    watched: tuple[Port, ...]
-
-
-def generate(graphs: Sequence[TypedGraph], minimum_bits: int = 0) -> tuple[str, tuple[Program, ...]]:
+def generate(
+    graphs: Sequence[TypedGraph | FloatGraph], minimum_bits: int = 0
+) -> tuple[str, tuple[Program, ...]]:
     """One C source for many graphs, and the programs in it.
 
-    ``minimum_bits`` forces wider types than the values need; the results are the same.
+    ``minimum_bits`` forces wider types than the integers need; the results are the same.
     """
     tables: dict[tuple[int, ...], str] = {}
     programs = tuple(
-        _program(f"p{i}", typed, Writer(minimum_bits, tables=tables)) for i, typed in enumerate(graphs)
+        float_program(f"p{i}", graph)
+        if isinstance(graph, FloatGraph)
+        else _program(f"p{i}", graph, Writer(minimum_bits, tables=tables))
+        for i, graph in enumerate(graphs)
     )
     limbs = max(2, -(-max((program.bits for program in programs), default=0) // 64))
-    divisions = sorted({g.division.index_bits for g in graphs if isinstance(g.division, TableNewton)})
+    integers = [graph for graph in graphs if isinstance(graph, TypedGraph)]
+    divisions = sorted({g.division.index_bits for g in integers if isinstance(g.division, TableNewton)})
     folder = files("kalmanhdl.simulate")
     parts = [f"#define WIDE_LIMBS {limbs}", f"#define LANES {LANES}", f"enum {{ GROUPS = {GROUPS} }};"]
     parts += [(folder / name).read_text(encoding="utf-8") for name in ("wide.h", "engine.h")]
+    parts += float_header([graph.form for graph in graphs if isinstance(graph, FloatGraph)])
     parts += [_table(f"reciprocal_table_{bits}", reciprocal_table(bits)) for bits in divisions]
     parts += [_table(name, rows) for rows, name in tables.items()]
     return "\n".join([*parts, *(program.text for program in programs)]), programs
@@ -120,12 +56,21 @@ def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
     chosen = {i for i, o in enumerate(operations) if isinstance(o, kept)} | set(typed.graph.roots)
     watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if not p.flag)
     counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
-    parts = _Parts(name, lowering, inputs, flags, states, outputs, counted, watched)
-    sinks = [_step_sinks(parts), _watch_sinks(parts)]
-    text = "\n".join([_structures(parts), _functions(parts, split(writer.statements, sinks)), _run(parts)])
+    parts = Parts(
+        name=name,
+        inputs=inputs,
+        flags=flags,
+        states=states,
+        outputs=outputs,
+        watched=watched,
+        counts=len(counted) + len(typed.violations),
+        statements=writer.statements,
+        step_sinks=_step_sinks(lowering, states, outputs, counted),
+        watch_sinks=_watch_sinks(lowering, flags, watched, counted),
+    )
     return Program(
         name=name,
-        text=text,
+        text=assembled(parts),
         bits=writer.widest,
         inputs=inputs,
         flags=flags,
@@ -137,18 +82,6 @@ def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Parts:
-    name: str
-    lowering: Lowering
-    inputs: tuple[Port, ...]
-    flags: tuple[Port, ...]
-    states: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    counted: tuple[int, ...]
-    watched: tuple[Port, ...]
-
-
 def _port(lowering: Lowering, name: str, index: int) -> Port:
     signal = lowering.signals[index]
     if isinstance(signal, Value):
@@ -156,196 +89,56 @@ def _port(lowering: Lowering, name: str, index: int) -> Port:
     return Port(name=name, index=index, kind=Kind.INT32, low=-1, high=0, flag=True)
 
 
-def _next_states(parts: _Parts) -> list[str]:
+def _next_states(lowering: Lowering, states: Sequence[Port]) -> list[str]:
     """The statements that keep the states of live tracks."""
-    lowering, lines = parts.lowering, []
-    for port, (_, root) in zip(parts.states, lowering.typed.graph.states, strict=True):
+    lines = []
+    for port, (_, root) in zip(states, lowering.typed.graph.states, strict=True):
         if port.flag:
             text = lowering.flag(root).c
         else:
+            assert isinstance(port.kind, Kind)
             new = lowering.aligned(root, lowering.form(port.index).fraction).known(port.low, port.high)
             text = new.at(port.kind)
-        place = f"x{port.index}"
-        lines.append(f"next->{place} = select_{port.kind.c_type}(in->live, {text}, old->{place});")
+        lines.append(kept_state(port, text))
     return lines
 
 
-def _members(ports: Iterable[Port]) -> str:
-    return " ".join(dict.fromkeys(f"{port.kind.c_type} x{port.index};" for port in ports))
+def _signal_text(lowering: Lowering, port: Port) -> str:
+    signal = lowering.signals[port.index]
+    if isinstance(signal, Value):
+        assert isinstance(port.kind, Kind)
+        return signal.at(port.kind)
+    return signal.c
 
 
-def _structures(parts: _Parts) -> str:
-    extremes = " ".join(f"{p.kind.c_type} low{p.index}, high{p.index};" for p in parts.watched)
-    counts = len(parts.counted) + len(parts.lowering.typed.violations)
-    return f"""
-typedef struct {{ i32 live; {_members((*parts.inputs, *parts.flags))} }} {parts.name}_in;
-typedef struct {{ {_members(parts.states)} }} {parts.name}_state;
-typedef struct {{ i32 hit; {_members(parts.outputs)} }} {parts.name}_out;
-enum {{ {parts.name}_counts = {counts} }};
-typedef struct {{ i32 seen; i32 counts[{counts}]; {extremes} }} {parts.name}_watched;"""
-
-
-def _signal_text(parts: _Parts, port: Port) -> str:
-    signal = parts.lowering.signals[port.index]
-    return signal.at(port.kind) if isinstance(signal, Value) else signal.c
-
-
-def _step_sinks(parts: _Parts) -> list[str]:
+def _step_sinks(
+    lowering: Lowering, states: Sequence[Port], outputs: Sequence[Port], counted: Sequence[int]
+) -> list[str]:
     """The lines of a step that use its variables: new states, outputs, and whether anything saturated."""
-    hits = dict.fromkeys(f"out->hit |= {parts.lowering.saturations[i].nonzero};" for i in parts.counted)
-    outputs = dict.fromkeys(f"out->x{p.index} = {_signal_text(parts, p)};" for p in parts.outputs)
-    return [*_next_states(parts), *outputs, *hits]
+    hits = dict.fromkeys(f"out->hit |= {lowering.saturations[i].nonzero};" for i in counted)
+    texts = dict.fromkeys(f"out->x{p.index} = {_signal_text(lowering, p)};" for p in outputs)
+    return [*_next_states(lowering, states), *texts, *hits]
 
 
-def _watch_sinks(parts: _Parts) -> list[str]:
+def _watch_sinks(
+    lowering: Lowering, flags: Sequence[Port], watched: Sequence[Port], counted: Sequence[int]
+) -> list[str]:
     """The lines that count what saturated and keep the extremes."""
-    lowering = parts.lowering
-    flags = [lowering.saturations[i] for i in parts.counted]
-    flags += [_matters(parts, violation) for violation in lowering.typed.violations]
-    lines = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(flags)]
-    for port in parts.watched:
-        kind, text = port.kind.c_type, _signal_text(parts, port)
+    hits = [lowering.saturations[i] for i in counted]
+    hits += [_matters(lowering, flags, violation) for violation in lowering.typed.violations]
+    lines = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(hits)]
+    for port in watched:
+        kind, text = port.kind.c_type, _signal_text(lowering, port)
         for end, nearer in (("low", "minimum"), ("high", "maximum")):
             place = f"w->{end}{port.index}"
             lines.append(f"{place} = {nearer}_{kind}({place}, select_{kind}(in->live, {text}, {place}));")
     return lines
 
 
-def _functions(parts: _Parts, chunks: Sequence[Chunk]) -> str:
-    """The functions ``step`` and ``watch``, each calling one function a chunk."""
-    name = parts.name
-    waiting = " ".join(f"{s.c_type} {s.name};" for chunk in chunks for s in chunk.stores)
-    given = f"const {name}_in *restrict in, const {name}_state *restrict old, {name}_mid *restrict mid"
-    given += f", {name}_state *restrict next, {name}_out *restrict out"
-    watched = f", {name}_watched *restrict w"
-    texts = [f"typedef struct {{ {waiting} }} {name}_mid;"]
-    for what, kinds, more, passed in (("step", 1, "", ""), ("watch", 2, watched, ", w")):
-        for k, chunk in enumerate(chunks):
-            lines = [*_body(chunk), *(line for sinks in chunk.sinks[:kinds] for line in sinks)]
-            texts.append(_function(f"{name}_{what}_{k}", given + more, lines))
-        calls = [f"{name}_{what}_{k}(in, old, mid, next, out{passed});" for k in range(len(chunks))]
-        texts.append(_function(f"{name}_{what}", given + more, ["out->hit = (i32){0};", *calls]))
-    return "\n".join(texts)
-
-
-def _function(name: str, parameters: str, lines: Iterable[str]) -> str:
-    return f"CALL void {name}({parameters})\n{{\n    {_lines(lines, 4)}\n}}\n"
-
-
-def _body(chunk: Chunk) -> list[str]:
-    loads = [f"const {s.c_type} {s.name} = mid->{s.name};" for s in chunk.loads]
-    stores = [f"mid->{s.name} = {s.name};" for s in chunk.stores]
-    return [*loads, *(statement.text for statement in chunk.statements), *stores]
-
-
-def _matters(parts: _Parts, violation: Violation) -> FlagText:
+def _matters(lowering: Lowering, flags: Sequence[Port], violation: Violation) -> FlagText:
     """The flag of a violation, under the commands where its value matters."""
-    lowering = parts.lowering
-    names = {port.name: port.index for port in parts.flags}
+    names = {port.name: port.index for port in flags}
     never = FlagText(lowering.writer, "", False)
     starts = lowering.flag(names[INITIALISE]) if INITIALISE in names else never
     matters = (starts if violation.starting else never) | (starts.negated() if violation.running else never)
     return lowering.flag(violation.outside) & matters
-
-
-def _load(port: Port, array: str, at: str) -> str:
-    """A group of elements of an array, as the port's kind."""
-    if port.flag:
-        return f"-load_uint8({array}, {at}, n)"
-    if port.limbs:
-        return cast(f"load_limbs({array}, {at}, n, {port.limbs})", Kind.WIDE, port.kind)
-    return cast(f"load_{port.row}({array}, {at}, n)", _ROWS[port.row][2], port.kind)
-
-
-def _store(port: Port, value: str, array: str, at: str) -> str:
-    """The statement that brings a group into an array."""
-    if port.flag:
-        return f"store_uint8({array}, {at}, n, -{value});"
-    if port.limbs:
-        return f"store_limbs({array}, {at}, n, {port.limbs}, {cast(value, port.kind, Kind.WIDE)});"
-    return f"store_{port.row}({array}, {at}, n, {cast(value, port.kind, _ROWS[port.row][2])});"
-
-
-def _lines(statements: Iterable[str], indent: int) -> str:
-    return ("\n" + " " * indent).join(statements)
-
-
-def _run(parts: _Parts) -> str:
-    name, states = parts.name, parts.states
-    loads = [
-        f"b->in.x{p.index} = {_load(p, f'{array}[{k}]', 'at')};"
-        for array, ports in (("inputs", parts.inputs), ("flags", parts.flags))
-        for k, p in enumerate(ports)
-    ]
-    first = [f"old->x{p.index} = {_load(p, f'state[{k}]', 'track')};" for k, p in enumerate(states)]
-    last = [_store(p, f"old->x{p.index}", f"state[{k}]", "track") for k, p in enumerate(states)]
-    records = [_store(p, f"next->x{p.index}", f"records[{k}]", "at") for k, p in enumerate(states)]
-    outs = [_store(p, f"b->out.x{p.index}", f"outputs[{k}]", "at") for k, p in enumerate(parts.outputs)]
-    # A range that holds nothing, to begin with.
-    bounds = [(p, f"b->watched.low{p.index}", p.high) for p in parts.watched]
-    bounds += [(p, f"b->watched.high{p.index}", p.low) for p in parts.watched]
-    empty = [f"{place} = {literal_text(limit, p.kind)};" for p, place, limit in bounds]
-    extremes = [_store(p, place, f"extremes[{k}]", "0") for k, (p, place, _) in enumerate(bounds)]
-    return f"""
-typedef struct {{
-    {name}_in in;
-    {name}_mid mid;
-    {name}_state states[2][GROUPS];
-    {name}_out out;
-    {name}_watched watched;
-}} {name}_block;
-
-/* Arrays are (steps, tracks), states (tracks), extremes (lanes), first all least ones, then the greatest.
-   Returns 1 if something was watched, -1 without memory. */
-int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, const void *const *flags,
-               const uint8_t *active, void *const *state, void *const *outputs, void *const *records,
-               int64_t *counts, void *const *extremes, int32_t monitor)
-{{
-    {name}_block *b = aligned_alloc(_Alignof({name}_block), sizeof *b);
-    if (!b)
-        return -1;
-    memset(b, 0, sizeof *b);
-    int32_t watched = 0;
-    {_lines(empty, 4)}
-    for (int64_t first = 0; first < tracks; first += GROUPS * LANES) {{
-        int64_t end = tracks - first < GROUPS * LANES ? tracks : first + GROUPS * LANES;
-        for (int64_t track = first; track < end; track += LANES) {{
-            int64_t n = end - track < LANES ? end - track : LANES;
-            {name}_state *old = &b->states[0][(track - first) / LANES];
-            {_lines(first, 12)}
-        }}
-        for (int64_t step = 0; step < steps; step++)
-            for (int64_t track = first; track < end; track += LANES) {{
-                int64_t n = end - track < LANES ? end - track : LANES, at = step * tracks + track;
-                int64_t group = (track - first) / LANES;
-                {name}_state *old = &b->states[step & 1][group], *next = &b->states[~step & 1][group];
-                {_lines(loads, 16)}
-                b->in.live = first_lanes(n);
-                if (active)
-                    b->in.live &= -load_uint8(active, at, n);
-                if (!monitor)
-                    {name}_step(&b->in, old, &b->mid, next, &b->out);
-                if (monitor || any(b->out.hit & b->in.live)) {{
-                    {name}_watch(&b->in, old, &b->mid, next, &b->out, &b->watched);
-                    b->watched.seen |= b->in.live;
-                    if (++watched == INT32_MAX)  /* What a lane can count. */
-                        watched = sum_up({name}_counts, b->watched.counts, counts);
-                }}
-                {_lines(outs, 16)}
-                if (records) {{
-                    {_lines(records, 20)}
-                }}
-            }}
-        for (int64_t track = first; track < end; track += LANES) {{
-            int64_t n = end - track < LANES ? end - track : LANES;
-            {name}_state *old = &b->states[steps & 1][(track - first) / LANES];
-            {_lines(last, 12)}
-        }}
-    }}
-    sum_up({name}_counts, b->watched.counts, counts);
-    int64_t n = LANES;
-    {_lines(extremes, 4)}
-    int32_t seen = -any(b->watched.seen);
-    free(b);
-    return seen;
-}}"""

@@ -1,0 +1,238 @@
+"""A step in floating point: what a design asks for, and the graph whose every operation rounds once."""
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from types import MappingProxyType
+
+import numpy as np
+
+from kalmanhdl.algorithm.filter import Algorithm
+from kalmanhdl.algorithm.trace import trace
+from kalmanhdl.arithmetic.fixed import Rounding
+from kalmanhdl.arithmetic.floating import EXPONENTS, MANTISSAS, MODES, Float
+from kalmanhdl.errors import FormatError
+from kalmanhdl.graph.balance import balanced
+from kalmanhdl.graph.operations import (
+    Add,
+    Binary,
+    Constant,
+    Divide,
+    Function,
+    Graph,
+    Multiply,
+    Negative,
+    Operation,
+    Reciprocal,
+    Subtract,
+    Table,
+    Unary,
+    is_flag,
+    operands,
+)
+from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.ranges import cone
+from kalmanhdl.numerics.scaling import Scaling
+from kalmanhdl.validation import InvalidValueError, shown
+
+FORMATS = MappingProxyType({"half": (5, 10), "single": (8, 23), "double": (11, 52)})
+"""The words for exponent and mantissa."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FloatSpecification:
+    """Floating-point arithmetic as the user asks for it: one format for every number, rounded once by each
+    operation; a number has a sign, ``exponent`` bits and ``mantissa`` bits, (8, 23) being single precision.
+
+    Without ``subnormals``, numbers below the least normal one count as zeros. ``fused``: a product that
+    only one sum uses is not rounded on its own.
+
+    Raises:
+        DesignError: a size or a rounding that is not offered.
+    """
+
+    exponent: int
+    mantissa: int
+    rounding: Rounding = Rounding.HALF_EVEN
+    subnormals: bool = True
+    fused: bool = False
+
+    def __post_init__(self) -> None:
+        _check_size("exponent", self.exponent, EXPONENTS)
+        _check_size("mantissa", self.mantissa, MANTISSAS)
+        words = ", ".join(mode.value for mode in MODES)
+        if self.rounding not in [*MODES, *(mode.value for mode in MODES)]:
+            given = getattr(self.rounding, "value", self.rounding)
+            raise InvalidValueError("numerics", "rounding", f" = {shown(given)}: one of {words}")
+        object.__setattr__(self, "rounding", Rounding(self.rounding))
+        for key in ("subnormals", "fused"):
+            value = getattr(self, key)
+            if not isinstance(value, bool):
+                raise InvalidValueError("numerics", key, f" = {shown(value)}: true or false")
+
+    @property
+    def form(self) -> Float:
+        """The format."""
+        return Float(self.exponent, self.mantissa, self.rounding, self.subnormals)
+
+
+def _check_size(key: str, value: object, sizes: range) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value not in sizes:
+        problem = f" = {shown(value)}: an integer from {sizes[0]} to {sizes[-1]}"
+        raise InvalidValueError("numerics", key, problem)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unbounded:
+    """A value, by index, that must be neither infinite nor NaN in a step that initialises, in others, or
+    in both: a state or an output, or one that is divided by or judged, after which nobody would see it.
+    """
+
+    value: int
+    starting: bool
+    running: bool
+
+
+@dataclass(frozen=True)
+class FloatGraph:
+    """A graph whose numbers are all of one floating-point format.
+
+    Every operation is its exact result rounded once (see ``arithmetic.floating``); ``Shift`` multiplies by
+    a power of two, a ``Reciprocal`` is 1 / a. Of the functions, the square root is rounded once, others are
+    the values of ``arithmetic.real_functions``, rounded to the format. Constants are numbers of the format.
+    Multiplications listed in ``fused`` are not rounded: their one user is a fused multiply-add.
+
+    ``violations`` are the values that must stay finite. ``scales`` gives the real value of one unit of
+    each input, state and output.
+    """
+
+    graph: Graph
+    form: Float
+    fused: frozenset[int]
+    violations: tuple[Unbounded, ...]
+    scales: dict[str, float]
+
+    @property
+    def formats(self) -> tuple[Float | None, ...]:
+        """The format of each operation, None for flags."""
+        return tuple(None if is_flag(operation) else self.form for operation in self.graph.operations)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FloatNumbers:
+    """A step in floating point: the graph of reals in the model's own units, and the same in a format."""
+
+    scaling: Scaling
+    graph: Graph
+    typed: FloatGraph
+
+
+def float_numbers(model: Model, algorithm: Algorithm, specification: FloatSpecification) -> FloatNumbers:
+    """The floating-point numbers of one step of an algorithm on a model.
+
+    Raises:
+        FormatError: a constant of the model is too large or too small for the format, or a function is
+            asked of a format that is more exact than double precision.
+    """
+    scaling = Scaling(
+        state=np.ones(model.n),
+        measurement=np.ones(model.m),
+        control=np.ones(model.p),
+        covariance=np.ones(model.n),
+    )
+    filter_ = algorithm(model)
+    graph = balanced(trace(model, filter_))
+    typed = floated(graph, specification, scaling.units(filter_.kept))
+    return FloatNumbers(scaling=scaling, graph=graph, typed=typed)
+
+
+def floated(graph: Graph, specification: FloatSpecification, scales: dict[str, float]) -> FloatGraph:
+    """A graph of reals in floating point. Raises FormatError as ``float_numbers``."""
+    form = specification.form
+    rounded = tuple(
+        _rounded(form, operation, _place(graph, index)) for index, operation in enumerate(graph.operations)
+    )
+    graph = Graph(rounded, graph.origins, graph.states, graph.outputs)
+    return FloatGraph(
+        graph=graph,
+        form=form,
+        fused=_fused(graph) if specification.fused else frozenset(),
+        violations=_violations(graph),
+        scales=scales,
+    )
+
+
+def _rounded(form: Float, operation: Operation, place: str) -> Operation:
+    match operation:
+        case Constant(value):
+            return Constant(_constant(form, value, place))
+        case Table(rows=rows):
+            return replace(operation, rows=tuple(_constant(form, row, place) for row in rows))
+        case Unary(function=function) | Binary(function=function):
+            if function is not Function.SQUARE_ROOT and (form.exponent > 11 or form.mantissa > 52):
+                raise FormatError(
+                    f"{place}: {function.value} in {form}: functions have double precision at most, "
+                    "exponent = 11 and mantissa = 52"
+                )
+    return operation
+
+
+def _constant(form: Float, value: Fraction, place: str) -> Fraction:
+    raw = form.nearest(value)
+    if abs(value) >= Fraction(2) ** (form.bias + 1) or form.is_infinite(raw):
+        limit = f"ends at {float(form.real(form.highest)):.6g}"
+    elif value and not form.magnitude(raw):
+        least = form.real(1 if form.subnormals else 1 << form.mantissa)
+        limit = f"begins at {float(least):.6g}"
+    else:
+        return form.real(raw)
+    raise FormatError(f"{place}: the constant {float(value):.6g} is no number of {form}, which {limit}: "
+                      "use more bits for the exponent, or other units")  # fmt: skip
+
+
+def _place(graph: Graph, index: int) -> str:
+    """What an operation is for; of a constant, what it is used in."""
+    origin = graph.origins[index]
+    users = (graph.origins[user] for user in graph.users[index])
+    return origin or next((each for each in users if each), "step")
+
+
+def _fused(graph: Graph) -> frozenset[int]:
+    """The products that become part of the one sum that uses them; of two in a sum the first."""
+    found = set[int]()
+    for index, operation in enumerate(graph.operations):
+        if isinstance(operation, Add | Subtract) and operation.a != operation.b:
+            products = [k for k in (operation.a, operation.b) if _is_product_of(graph, k, index)]
+            found.update(products[:1])
+    return frozenset(found)
+
+
+def _is_product_of(graph: Graph, index: int, user: int) -> bool:
+    """Whether a value is a product that one operation alone uses."""
+    once = graph.users[index] == (user,) and index not in graph.roots
+    return once and isinstance(graph.operations[index], Multiply)
+
+
+def _violations(graph: Graph) -> tuple[Unbounded, ...]:
+    starting, running = (cone(graph, initialise=flag) for flag in (True, False))
+    roots = {k for k in graph.roots if not is_flag(graph.operations[k])}
+    first, later = set(roots), set(roots)
+    for index, operation in enumerate(graph.operations):
+        hidden = set(_hidden(operation))
+        first |= hidden if index in starting else set()
+        later |= hidden if index in running else set()
+    return tuple(
+        Unbounded(value=k, starting=k in first, running=k in later)
+        for k in sorted(first | later)
+        if not isinstance(graph.operations[k], Constant)
+    )
+
+
+def _hidden(operation: Operation) -> tuple[int, ...]:
+    """The operands whose infinity or NaN a result may not show."""
+    match operation:
+        case Divide(b=b):
+            return (b,)
+        case Reciprocal() | Negative() | Unary() | Binary() | Table():
+            return operands(operation)
+        case _:
+            return ()
