@@ -1,0 +1,79 @@
+"""The experiment of wu2012, and its filter on the track of a UAV."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kalmanhdl.algorithm import Converted
+from kalmanhdl.design import Design
+from kalmanhdl.graph.elements import elements, rows
+from kalmanhdl.model.conversion import conversion, measured
+from kalmanhdl.reproduce.wu2012 import denoise, figures, paper_model, paper_target
+from kalmanhdl.simulate.commands import commands, started
+from kalmanhdl.simulate.data import read_plots
+from kalmanhdl.simulate.reference import reference
+from test_design_file import assert_same
+
+DESIGNS = Path(__file__).parents[2] / "designs"
+
+
+def test_the_design_file_is_the_papers_model():
+    design = Design.load(DESIGNS / "wu2012.toml")
+    assert_same(design.model, paper_model())
+    assert design.algorithm == Converted()
+
+
+def test_the_target_is_the_papers():
+    target = paper_target()
+    np.testing.assert_array_equal(target[0], [700, np.pi / 90, np.pi / 90])
+    assert target[-1, 1] == pytest.approx(np.pi / 1000)
+    assert np.ptp(target[:, 2]) == 0
+    np.testing.assert_allclose(np.diff(target[:, 0]), -400 * 0.8192e-3)
+
+
+def test_three_frames_start_the_filter_and_it_denoises_all_three_axes():
+    found = figures(frames=600)
+    for denoised in (found.paper, found.better):
+        assert np.isnan(denoised.estimates[:2]).all()
+        assert np.isfinite(denoised.estimates[2:]).all()
+    # Along the line of sight the paper's R, correlated with the noise of its plot, leaves a bias.
+    assert (found.paper.error[1:] < found.paper.plot_error[1:] / 3).all()
+    assert found.paper.error[0] < found.paper.plot_error[0] / 1.2
+    assert (found.better.error < found.better.plot_error / 3).all()
+
+
+@pytest.mark.slow
+def test_the_papers_filter_is_biased_along_the_line_of_sight_and_the_better_one_is_not():
+    found = figures(tracks=20)
+    assert found.paper.bias[0] > 3 * found.paper.expected[0]
+    assert abs(found.better.bias[0]) < 0.3 * found.better.expected[0]
+    assert found.better.error[0] < 1.1 * found.better.expected[0]
+
+
+def test_the_uavs_track_is_denoised_in_all_three_axes():
+    design = Design.load(DESIGNS / "uav_radar.toml")
+    model = design.model
+    plots = read_plots(DESIGNS / "data" / "uav_radar.csv", model)
+    z, truth = plots.z[:300], plots.truth[:300, :, :3]
+    given = commands(model, z, plots.active[:300])
+    found = reference(design.algorithm(model), given, z, plots.u[:300])
+    there = started(model, given)
+    seen = rows(conversion(model.variances).mean(elements(z)), z.shape[:2])
+    error, raw = (np.sqrt(((x[..., :3] - truth)[there] ** 2).mean(axis=0)) for x in (found.x, seen))
+    assert (error < raw * [0.75, 0.7, 0.4]).all()
+    expected = np.sqrt(np.einsum("sii->si", found.P[there])[:, :3].mean(axis=0))
+    assert (np.abs(error / expected - 1) < 0.3).all()
+    # And with noise that no table holds.
+    target = rows(measured(elements(truth[:200, 0])), (200,))
+    again = denoise(model, target, design.algorithm, tracks=3, seed=5, settled=20)
+    assert (again.error < again.plot_error * [0.75, 0.7, 0.4]).all()
+
+
+def test_the_uavs_table_is_what_its_script_makes():
+    table = DESIGNS / "data" / "uav_radar.csv"
+    script = DESIGNS / "data" / "make_uav_radar.py"
+    made = subprocess.run([sys.executable, script, "-"], check=True, capture_output=True).stdout
+    assert made == table.read_bytes()
