@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from builds import record_of
 
 from kalmanhdl.report.document import document
 from kalmanhdl.report.page import page
@@ -69,3 +70,14 @@ def test_pictures_are_equal_for_equal_builds(nile, tmp_path):
     for name in ("a.svg", "b.svg"):
         save_track(nile, nile.simulation, tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_a_nonlinear_model_has_its_page_without_what_needs_matrices(tmp_path):
+    record = record_of("ekf_radar", "autoferry_radar_plane.csv")
+    made = page(record, document(record))
+    assert "the bit-exact estimate beside the truth." in " ".join(made.split())
+    assert "Innovations" in made
+    assert "The gains are those" not in made
+    assert document(record)["accuracy"]["differencing"] == []
+    save_track(record, record.simulation, tmp_path / "track.png")
+    assert (tmp_path / "track.png").stat().st_size > 1000

@@ -66,8 +66,11 @@ def _plane_figure(record: Record, simulation: Simulation, shown: Plane, tracks: 
         line_alpha=0.55,
         legend_label="95 % ellipse",
     )
-    seen = points(shown, seen_pair(model, shown, simulation.plots.z[:, tracks])).reshape(-1, 2)
-    drawn.scatter(*_thinned(seen).T, size=4, color=AMBER, alpha=0.8, line_color=None, legend_label="plots")
+    if shown.measurements:
+        seen = points(shown, seen_pair(model, shown, simulation.plots.z[:, tracks])).reshape(-1, 2)
+        drawn.scatter(
+            *_thinned(seen).T, size=4, color=AMBER, alpha=0.8, line_color=None, legend_label="plots"
+        )
     return _finished(drawn)
 
 

@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 from enum import Enum
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,8 @@ def plane(model: Model) -> Plane:
     """The plane of a model's track.
 
     Range and bearing by their names, else the first two measured states of one unit that are not rates
-    of one another, else the first measured (or first) state against the step.
+    of one another; where no state is measured by itself, the first two of one unit. Else the first
+    measured (or first) state against the step.
     """
     seen = [(p, j) for j, p in measured_states(model).items()]
     polar = _polar(model, seen)
@@ -56,10 +58,20 @@ def plane(model: Model) -> Plane:
             if first != second and model.state_units[first] == model.state_units[second]:
                 labels = (label(model, first), label(model, second))
                 return Plane(kind=Kind.CARTESIAN, states=(first, second), measurements=(j, i), labels=labels)
+    alike = _alike(model) if not seen else None
+    if alike is not None:
+        labels = (label(model, alike[0]), label(model, alike[1]))
+        return Plane(kind=Kind.CARTESIAN, states=alike, measurements=(), labels=labels)
     state, measurements = (seen[0][0], (seen[0][1],)) if seen else (0, ())
     return Plane(
         kind=Kind.TIME, states=(state,), measurements=measurements, labels=("step", label(model, state))
     )
+
+
+def _alike(model: Model) -> tuple[int, int] | None:
+    """The first two states of one unit that is known."""
+    pairs = combinations(enumerate(model.state_units), 2)
+    return next(((i, k) for (i, first), (k, second) in pairs if first and first == second), None)
 
 
 def label(model: Model, state: int) -> str:

@@ -108,6 +108,7 @@ def _captions(record: Record) -> dict[str, Any]:
         "tracks_drawn": min(len(tracks), figures.TRACKS),
         "polar": plane(model).kind is Kind.POLAR,
         "plane": plane(model).kind is not Kind.TIME,
+        "plots": bool(plane(model).measurements),
         "truth": simulation.plots.truth is not None,
         "inside": [figures.inside_band(model, simulation, j) for j in range(model.m)]
         if isinstance(model, LinearModel)

@@ -70,8 +70,9 @@ _TITLE: dict[str, Any] = {"fontsize": 11, "color": _INK, "loc": "left"}
 
 def _draw_on_plane(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
     model, plots, states = record.hardware.design.model, simulation.plots, list(shown.states)
-    seen = points(shown, seen_pair(model, shown, plots.z[:, track]))[:_POINTS]
-    axes.plot(*seen.T, ".", color=AMBER, markersize=4, label="plots")
+    if shown.measurements:
+        seen = points(shown, seen_pair(model, shown, plots.z[:, track]))[:_POINTS]
+        axes.plot(*seen.T, ".", color=AMBER, markersize=4, label="plots")
     if plots.truth is not None:
         axes.plot(*points(shown, plots.truth[:, track][:, states]).T, color=GREEN, label="truth")
     exact = simulation.exact
