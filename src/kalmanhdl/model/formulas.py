@@ -38,7 +38,7 @@ Function = Callable[..., Sequence[Any]]
 Given = Sequence[Any] | Function
 """Formulas as a user gives them: strings, SymPy expressions and numbers in a list, or a Python function."""
 
-MAX_OPERATIONS = 4000
+MAX_OPERATIONS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
