@@ -3,6 +3,10 @@
 Wu, Wang & Ji, Design and Realization of Short Range Defence Radar Target Tracking System Based on DSP/FPGA,
 2012. Section 5 gives the target, the noises and the filter; fig. 22 to 25 show it. How long it is
 followed is not said: here for 1500 frames, until it is at 208 m.
+
+The formulas as printed hold but for these: in eq. 3 alpha_x stands in the last three rows (all three are
+equal); eq. 7, see ``model.conversion``; in eq. 14 the last row takes Xf7 for Xf8; step 8 of section 3.3
+repeats 2 to 6 without 7, the covariance. How X0 and P0 follow from three frames is not said.
 """
 
 import math
