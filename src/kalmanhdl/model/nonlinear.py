@@ -101,11 +101,13 @@ class NonlinearModel:
     def seen(self) -> dict[int, Seen]:
         """The measurements that are one state times a number, plus an offset."""
         found = {}
+        with np.errstate(all="ignore"):
+            there = rows(self.observation(elements(np.zeros((1, self.n)))), (1,))[0]
         for j, (slopes, states) in enumerate(zip(self._constant_slopes, self.dependence, strict=True)):
             (seen,) = np.nonzero(states)
             if len(seen) == 1 and np.isfinite(slopes[seen[0]]):
-                offset = self.observation(np.zeros(self.n).astype(object))[j]
-                found[j] = Seen(state=int(seen[0]), factor=float(slopes[seen[0]]), offset=float(offset))
+                factor = float(slopes[seen[0]])
+                found[j] = Seen(state=int(seen[0]), factor=factor, offset=float(there[j]))
         return found
 
     @cached_property
@@ -251,6 +253,7 @@ def nonlinear_model(
     h_formulas = formulas("h", h, m, {"x": states}, constants)
     gain, Q = _noise(G, Q, n, moving, constants)
     R = checks.array("R", R, (m, m), f"R is {m} x {m}, a row a measurement")
+    R = checks.covariance("R", R, definite=True)
     limits = checks.ranges(measurement_range, m)
     return NonlinearModel(
         f=f_formulas,
@@ -259,8 +262,8 @@ def nonlinear_model(
         H=h_formulas.jacobian("x", n),
         G=gain,
         Q=checks.covariance("Q", Q, definite=False),
-        R=checks.covariance("R", R, definite=True),
-        initial=_initial(initial, (states, measured, controls), constants, limits),
+        R=R,
+        initial=_initial(initial, (states, measured, controls), constants, R, limits),
         state_names=states,
         state_units=checks.units(state_units, n),
         measurement_names=measured,
@@ -326,6 +329,7 @@ def _initial(
     given: Initial | InitialRule | Measured,
     names: tuple[Sequence[str], Sequence[str], Sequence[str]],
     constants: Mapping[str, float],
+    R: Array,
     limits: Array | None,
 ) -> Initial | MeasuredInitial:
     states, measured, controls = names
@@ -343,7 +347,8 @@ def _initial(
                 ' = "before_first": a nonlinear model has no such start: give the belief for the first row'
             )
             raise checks.fault("initial.at", problem)
-        found = checked_initial(start, n, m, p)
+        start = checked_initial(start, n, m, p)
+        found = replace(start, P=start.covariance(R), from_noise=None)
     if found.takes_measurements and limits is None:
         problem = " is missing: a start from measurements needs it, to know where tracks begin"
         raise checks.fault("measurement_range", problem)
