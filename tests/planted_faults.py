@@ -48,15 +48,22 @@ class _Statement:
     widths: dict[str, int]
 
 
+# Attempts of one variant.
+_ATTEMPTS = 3
+
 # Where in the Verilog, from and to, and what stands there instead.
 _Change = tuple[int, int, str]
 
 
 def plant(verilog: str, seed: int, attempt: int = 0) -> Fault:
-    """One fault: the seed says of which kind, variant and part of the design; each attempt gives another."""
+    """One fault: the seed says of which kind, variant and part of the design; each attempt gives another.
+
+    After some attempts the next variant follows, should no fault of one be a fault: where nothing is
+    extended, signs do not matter.
+    """
     kind = tuple(_KINDS)[seed % len(_KINDS)]
     groups = _groups(verilog, kind)
-    name, changes = groups[seed // len(_KINDS) % len(groups)]
+    name, changes = groups[(seed // len(_KINDS) + attempt // _ATTEMPTS) % len(groups)]
     chooser = random.Random(f"{seed} {attempt}")
     begin, end, after = chooser.choice(chooser.choice(changes))
     return Fault(
