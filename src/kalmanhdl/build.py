@@ -59,8 +59,10 @@ def build(
     ``force`` replaces an earlier build.
 
     Raises:
+        DesignError: the numerics are floating point, for which there is no hardware yet.
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
     """
+    _ = design.fixed_point
     check_folder(out, force=force)
     if verify_steps:
         _need_compiler()
@@ -165,8 +167,11 @@ def blamed_on(path: Path) -> Iterator[None]:
 
 
 def planned_design(design: Design) -> tuple[Numbers, Plan]:
-    """The numbers and the schedule of a design, without its Verilog. Raises FormatError, ScheduleError."""
-    typed = numbers(design.model, design.algorithm, design.numerics)
+    """The numbers and the schedule of a design, without its Verilog.
+
+    Raises DesignError for floating point, FormatError, ScheduleError.
+    """
+    typed = numbers(design.model, design.algorithm, design.fixed_point)
     return typed, planned(design, typed)
 
 

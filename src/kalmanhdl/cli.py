@@ -155,12 +155,11 @@ def verify(
 
     Of a build folder, the Verilog that stands there is verified. Ends with exit code 1 at a difference.
     """
-    from kalmanhdl.build import prepare, verify_long
+    from kalmanhdl.build import verify_long
     from kalmanhdl.tables import verification_table
 
     with Progress() as progress:
-        prepare(place=False, progress=progress)
-        hardware = _hardware(path, progress, constant)
+        hardware = _hardware(path, progress, constant, place=False)
         plots = _read(data, hardware.design)
         progress(f"verifying {steps} steps, Verilog against engine")
         with _blaming(path, hardware.design):
@@ -178,13 +177,11 @@ def implement(
     constant: _Constants = None,
 ) -> None:
     """Synthesise, place and route a design, or the Verilog of a build folder."""
-    from kalmanhdl.build import prepare
     from kalmanhdl.pipeline import implement as run
     from kalmanhdl.tables import implementation_table
 
     with Progress() as progress:
-        prepare(place=True, progress=progress)
-        hardware = _hardware(path, progress, constant, seeds=seeds, grade=grade, device=device)
+        hardware = _hardware(path, progress, constant, place=True, seeds=seeds, grade=grade, device=device)
         with _blaming(path, hardware.design):
             implemented = run(hardware, progress)
     typer.echo(implementation_table(hardware.plan, implemented))
@@ -204,12 +201,17 @@ def show(
     """Print a design's operations, formats, bounds and schedule, and draw the schedule."""
     from kalmanhdl.build import planned_design
     from kalmanhdl.graph.text import print_graph
+    from kalmanhdl.numerics.floating import FloatSpecification, float_numbers
     from kalmanhdl.schedule.text import print_plan
-    from kalmanhdl.tables import design_tables
+    from kalmanhdl.tables import design_tables, float_tables
 
     if out is not None and out.suffix.lower() not in _PICTURES:
         raise typer.BadParameter(f"{out}: write a .png or .svg", param_hint="--out")
     chosen = _load(design, constant)
+    if isinstance(chosen.numerics, FloatSpecification) and not schedule and out is None:
+        found = float_numbers(chosen.model, chosen.algorithm, chosen.numerics)
+        typer.echo(print_graph(found.typed.graph) if graph else float_tables(chosen, found), nl=not graph)
+        return
     typed, plan = planned_design(chosen)
     if out is not None:
         _draw(chosen, plan, out)
@@ -276,19 +278,23 @@ def _hardware(
     progress: Progress,
     constants: list[str] | None,
     *,
+    place: bool,
     seeds: int | None = None,
     grade: int | None = None,
     device: str | None = None,
 ) -> "Hardware":
-    """Of a design file: compiled; of a build folder: as it stands there."""
-    from kalmanhdl.build import read_build
+    """Of a design file: compiled; of a build folder: as it stands there. The tools are made ready before."""
+    from kalmanhdl.build import prepare, read_build
     from kalmanhdl.pipeline import compile_design
 
     if path.is_dir():
         if constants:
             raise typer.BadParameter("a build folder has its numbers already", param_hint="--constant")
+        prepare(place=place, progress=progress)
         progress(f"reading the build in {path}")
         hardware = read_build(path)
         return replace(hardware, design=_retargeted(hardware.design, seeds=seeds, grade=grade, device=device))
     design = _retargeted(_load(path, constants), seeds=seeds, grade=grade, device=device)
+    _ = design.fixed_point
+    prepare(place=place, progress=progress)
     return compile_design(design, progress)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.target import device as known_device
 from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
@@ -81,7 +82,7 @@ class Design:
     name: str
     model: Model
     algorithm: Algorithm = field(default_factory=Conventional)
-    numerics: FixedSpecification = field(default_factory=FixedSpecification)
+    numerics: FixedSpecification | FloatSpecification = field(default_factory=FixedSpecification)
     architecture: Architecture = field(default_factory=Architecture)
     target: Target = field(default_factory=Target)
 
@@ -91,16 +92,25 @@ class Design:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
-        for key, kind in _PARTS.items():
-            _check_part(key, getattr(self, key), kind)
+        for key, kinds in _PARTS.items():
+            _check_part(key, getattr(self, key), kinds)
         if not hasattr(self.model, "state_names"):
             problem = f" = {shown(self.model)}: a model, as linear_model or constant_velocity make one"
             raise InvalidValueError("", "model", problem)
         object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
         # Says so where the algorithm does not suit the model.
         self.algorithm(self.model)
-        _check_scales(self.numerics, self.model.n)
-        _check_signals(self.numerics, self.model)
+        if isinstance(self.numerics, FixedSpecification):
+            _check_scales(self.numerics, self.model.n)
+            _check_signals(self.numerics, self.model)
+
+    @property
+    def fixed_point(self) -> FixedSpecification:
+        """The numerics of hardware. Raises DesignError where they are floating point."""
+        if isinstance(self.numerics, FloatSpecification):
+            problem = ' = "float": floating-point hardware is not there yet: simulate it, or build "fixed"'
+            raise InvalidValueError("numerics", "kind", problem)
+        return self.numerics
 
     @classmethod
     def load(cls, path: str | Path, constants: Mapping[str, float | str] | None = None) -> "Design":
@@ -147,6 +157,7 @@ class Design:
         ``force`` replaces an earlier build.
 
         Raises:
+            DesignError: the numerics are floating point, for which there is no hardware yet.
             OutputError, DataError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is
                 written then.
         """
@@ -157,12 +168,17 @@ class Design:
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
 
 
-_PARTS = {"numerics": FixedSpecification, "architecture": Architecture, "target": Target}
+_PARTS: dict[str, tuple[type, ...]] = {
+    "numerics": (FixedSpecification, FloatSpecification),
+    "architecture": (Architecture,),
+    "target": (Target,),
+}
 
 
-def _check_part(key: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise InvalidValueError("", key, f" = {shown(value)}: write {kind.__name__}(...)")
+def _check_part(key: str, value: object, kinds: tuple[type, ...]) -> None:
+    if not isinstance(value, kinds):
+        words = " or ".join(f"{kind.__name__}(...)" for kind in kinds)
+        raise InvalidValueError("", key, f" = {shown(value)}: write {words}")
 
 
 def _algorithm(choice: object) -> Algorithm:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from kalmanhdl.design import Design
 from kalmanhdl.errors import ScheduleError
+from kalmanhdl.numerics.floating import FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
 from kalmanhdl.rtl.interface import Interface, interface
 from kalmanhdl.schedule.checker import problems
@@ -46,11 +47,13 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
     """Model, algorithm, graph, numerics, schedule, RTL.
 
     Raises:
+        DesignError: the numerics are floating point, for which there is no hardware yet.
         FormatError, ScheduleError, ToolError: see the stages.
     """
+    specification = design.fixed_point
     seconds: dict[str, float] = {}
     with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
-        typed = numbers(design.model, design.algorithm, design.numerics)
+        typed = numbers(design.model, design.algorithm, specification)
     with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
     with timed(seconds, "rtl", progress, "writing Verilog"):
@@ -89,10 +92,16 @@ def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
     return rtlil_to_verilog(rtlil, design.name, header(plan, design.name))
 
 
+def numbers_of(design: Design) -> Numbers | FloatNumbers:
+    """The numbers of a design, fixed or floating point. Raises FormatError."""
+    if isinstance(design.numerics, FloatSpecification):
+        return float_numbers(design.model, design.algorithm, design.numerics)
+    return numbers(design.model, design.algorithm, design.numerics)
+
+
 def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simulation:
     """Float reference and bit-exact engine side by side on data."""
-    typed = typed or numbers(design.model, design.algorithm, design.numerics)
-    return run_side_by_side(design.model, design.algorithm(design.model), typed, plots)
+    return run_side_by_side(design.model, design.algorithm(design.model), typed or numbers_of(design), plots)
 
 
 def worth_optimising(hardware: Hardware, steps: int) -> bool:

@@ -1,10 +1,12 @@
 """What the commands print: short tables, as text."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
 from typing import Any
 
 from kalmanhdl.design import Design
 from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.floating import FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth
@@ -144,6 +146,32 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
         ),
     ]
     return "\n\n".join((_aligned(head), _formats(numbers), _chart(summary)))
+
+
+def float_tables(design: Design, numbers: FloatNumbers) -> str:
+    """Operations and format of a design in floating point."""
+    typed = numbers.typed
+    form, (needed, monitoring) = typed.form, operation_counts(numbers.graph)
+    normal, highest = form.real(1 << form.mantissa), form.real(form.highest)
+    least = form.real(1) if form.subnormals else normal
+    head = [
+        ("design", f"{design.name}, {design.algorithm.kind}"),
+        ("operations", _counted(needed)),
+        ("", f"{_counted(monitoring) or 'none'} for innovation and NIS alone"),
+        ("format", f"{form}, rounded {form.rounding.value.replace('_', ' ')}"),
+        ("", f"from {_decimal(least)}, in full from {_decimal(normal)}, to {_decimal(highest)}"),
+        ("fused", f"{len(typed.fused)} multiplications with the sum that uses them"),
+    ]
+    return _aligned(head)
+
+
+def _decimal(value: Fraction) -> str:
+    """A positive number in decimals, however large or small."""
+    exponent = len(str(value.numerator)) - len(str(value.denominator))
+    scaled = value / Fraction(10) ** exponent
+    if scaled < 1:
+        scaled, exponent = scaled * 10, exponent - 1
+    return f"{float(scaled):.4g}e{exponent:+03d}"
 
 
 def _formats(numbers: Numbers) -> str:

@@ -96,6 +96,16 @@ class Float:
         value = significand * Fraction(2) ** (max(exponent, 1) - self.bias - self.mantissa)
         return -value if raw & self.sign else value
 
+    def double(self, raw: int) -> float:
+        """The nearest number of double precision; infinities and NaN as they are."""
+        if self.is_nan(raw):
+            return math.nan
+        try:
+            magnitude = math.inf if self.is_infinite(raw) else float(abs(self.real(raw)))
+        except OverflowError:
+            magnitude = math.inf
+        return -magnitude if raw & self.sign else magnitude
+
     def nearest(self, value: float | Fraction) -> int:
         """The raw integer of a real value, rounded; infinities and NaN as they are."""
         if isinstance(value, float) and not math.isfinite(value):

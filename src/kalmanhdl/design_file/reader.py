@@ -23,6 +23,7 @@ from kalmanhdl.design_file.schema import (
     ArchitectureTable,
     CommonModelTable,
     FixedTable,
+    FloatTable,
     GivenTable,
     LinearTable,
     MeasuredTable,
@@ -47,6 +48,7 @@ from kalmanhdl.model.nonlinear import Measured, NonlinearModel, nonlinear_model
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.model.turn import coordinated_turn
+from kalmanhdl.numerics.floating import FORMATS, FloatSpecification
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
 
@@ -302,8 +304,11 @@ def _algorithm(table: dict[str, Any], context: Context) -> Algorithm:
     return ALGORITHMS[checked.kind](**checked.model_dump(exclude={"kind"}, exclude_unset=True))
 
 
-def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:
-    checked: FixedTable = _of_kind(NUMERICS, {"kind": "fixed", **table}, "numerics", context)
+def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification | FloatSpecification:
+    checked = _of_kind(NUMERICS, {"kind": "fixed", **table}, "numerics", context)
+    if isinstance(checked, FloatTable):
+        return _float(checked)
+    assert isinstance(checked, FixedTable)
     return FixedSpecification(
         width=checked.width,
         classes=checked.classes(SIGNAL_CLASSES),
@@ -315,6 +320,31 @@ def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification:
         division=checked.division,
         functions=checked.functions,
         coast=checked.coast,
+    )
+
+
+def _float(table: FloatTable) -> FloatSpecification:
+    exponent, mantissa = table.exponent, table.mantissa
+    if table.format is not None:
+        if table.format not in FORMATS:
+            hint = nearest(table.format, FORMATS)
+            raise InvalidValueError("numerics", "format", f" = {shown(table.format)} is unknown: {hint}")
+        if exponent is not None or mantissa is not None:
+            problem = f" = {shown(table.format)} has its exponent and mantissa: leave them out, or the word"
+            raise InvalidValueError("numerics", "format", problem)
+        exponent, mantissa = FORMATS[table.format]
+    for key, size in (("exponent", exponent), ("mantissa", mantissa)):
+        if size is None:
+            words = " or ".join(f'"{word}"' for word in FORMATS)
+            raise InvalidValueError("numerics", key, f" is missing: write it, or format = {words}")
+    assert exponent is not None
+    assert mantissa is not None
+    return FloatSpecification(
+        exponent=exponent,
+        mantissa=mantissa,
+        rounding=table.rounding,
+        subnormals=table.subnormals,
+        fused=table.fused,
     )
 
 

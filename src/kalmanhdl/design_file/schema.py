@@ -236,6 +236,18 @@ class FixedTable(Table):
         return {name: form for name, form in given.items() if form is not None}
 
 
+class FloatTable(Table):
+    """``kind = "float"``: floating-point arithmetic, its format by a word or by its sizes."""
+
+    kind: str
+    format: str | None = None
+    exponent: Integer | None = None
+    mantissa: Integer | None = None
+    rounding: Rounding = Rounding.HALF_EVEN
+    subnormals: bool = True
+    fused: bool = False
+
+
 class ArchitectureTable(Table):
     """How fast, and for how many tracks."""
 
@@ -274,4 +286,4 @@ ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = {
     Scheduled.kind: ScheduledTable,
     Taylor.kind: TaylorTable,
 }
-NUMERICS: dict[str, type[FixedTable]] = {"fixed": FixedTable}
+NUMERICS: dict[str, type[Table]] = {"fixed": FixedTable, "float": FloatTable}

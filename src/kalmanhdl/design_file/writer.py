@@ -20,6 +20,7 @@ from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.model.written import written
+from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import FixedSpecification, Form
 
@@ -170,7 +171,9 @@ def _algorithm(algorithm: Algorithm) -> Lines:
     return ["[algorithm]", f"kind = {_text(algorithm.kind)}", *options]
 
 
-def _numerics(numerics: FixedSpecification) -> Lines:
+def _numerics(numerics: FixedSpecification | FloatSpecification) -> Lines:
+    if isinstance(numerics, FloatSpecification):
+        return _float(numerics)
     lines = ["[numerics]", 'kind = "fixed"', f"width = {numerics.width}"]
     lines += [f"{name} = {_form(form)}" for name, form in numerics.classes.items()]
     lines.append(f"rounding = {_text(numerics.rounding.value)}")
@@ -181,8 +184,16 @@ def _numerics(numerics: FixedSpecification) -> Lines:
     return [*lines, f"coast = {numerics.coast}"]
 
 
-def _signals(numerics: FixedSpecification) -> Lines:
-    if not numerics.signals:
+def _float(numerics: FloatSpecification) -> Lines:
+    lines = ["[numerics]", 'kind = "float"']
+    lines += [f"exponent = {numerics.exponent}", f"mantissa = {numerics.mantissa}"]
+    lines.append(f"rounding = {_text(numerics.rounding.value)}")
+    flags = (("subnormals", numerics.subnormals), ("fused", numerics.fused))
+    return [*lines, *(f"{key} = {str(value).lower()}" for key, value in flags)]
+
+
+def _signals(numerics: FixedSpecification | FloatSpecification) -> Lines:
+    if isinstance(numerics, FloatSpecification) or not numerics.signals:
         return []
     lines = [f"{_text(name)} = {_form(form)}" for name, form in numerics.signals.items()]
     return ["[numerics.signals]", *lines]

@@ -138,7 +138,7 @@ def _rates(summary: Summary, fmax_mhz: float) -> dict[str, float]:
 
 
 def _numerics(record: Record) -> dict[str, Any]:
-    numbers, specification = record.hardware.numbers, record.hardware.design.numerics
+    numbers, specification = record.hardware.numbers, record.hardware.design.fixed_point
     scaling = numbers.scaling
     return {
         "rounding": specification.rounding.value,

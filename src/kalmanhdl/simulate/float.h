@@ -214,11 +214,24 @@ INLINE double double_of_soft(format f, uint64_t a)
     if (magnitude(f, a) < infinity(f)) {
         int i;
         value = significand(f, a, &i);
-        i = i > 1200 ? 1200 : i < -1200 ? -1200 : i;
         /* In two exact steps, since a power of two may be too small for a double of its own. */
         value = value * two_to_the(i / 2) * two_to_the(i - i / 2);
     }
     return a & sign_bit(f) ? -value : value;
+}
+
+/* The whole part of a number, from 0 to the last row of a table. */
+INLINE int32_t row_of_double(double a, int32_t last) { return a >= last ? last : a > 0 ? (int32_t)a : 0; }
+CALL int32_t row_of_soft(format f, uint64_t a, int32_t last)
+{
+    if (a > infinity(f))
+        return 0;
+    int i;
+    uint64_t units = significand(f, a, &i);
+    if (i >= 0)
+        return !units ? 0 : a == infinity(f) || i > 31 || (u128)units << i > last ? last : (int32_t)(units << i);
+    units = i > -64 ? units >> -i : 0;
+    return units < last ? (int32_t)units : last;
 }
 
 /* What every type has, of its elements' conversions from and to doubles and of `row` elements of arrays. */
@@ -235,15 +248,7 @@ INLINE double double_of_soft(format f, uint64_t a)
         EACH r[k] = rows[index[k]];                                                                      \
         return r;                                                                                        \
     }                                                                                                    \
-    CALL i32 index_##type(type a, int32_t last)                                                          \
-    {                                                                                                    \
-        i32 r;                                                                                           \
-        EACH {                                                                                           \
-            double x = double_of_##type(a[k]);                                                           \
-            r[k] = x >= last ? last : x > 0 ? (int32_t)x : 0;                                            \
-        }                                                                                                \
-        return r;                                                                                        \
-    }                                                                                                    \
+    CALL i32 index_##type(type a, int32_t last) { i32 r; EACH r[k] = row_of_##type(a[k], last); return r; } \
     UNARY(type, sine) UNARY(type, cosine) UNARY(type, exponential) UNARY(type, wrap)                     \
     BINARY(type, arctangent) BINARY(type, hypotenuse)
 #define UNARY(type, name)                                                                                \
@@ -264,6 +269,7 @@ INLINE double double_of_soft(format f, uint64_t a)
     typedef integer bits_##type __attribute__((vector_size(sizeof(element) * LANES)));                   \
     typedef integer bits_of_##type __attribute__((vector_size(sizeof(element) * LANES), aligned(1)));    \
     INLINE double double_of_##type(element a) { return a; }                                              \
+    INLINE int32_t row_of_##type(element a, int32_t last) { return row_of_double(a, last); }             \
     INLINE element type##_of_double(double a) { return a; }                                              \
     OF_ELEMENTS(type, element)                                                                           \
     INLINE type add_##type(type a, type b) { return a + b; }                                             \
@@ -343,6 +349,7 @@ INLINE reals reals_rounded(format f, reals a)
     static const format format_##type = {__VA_ARGS__};                                                   \
     INLINE type rounded_##type(type a) { return reals_rounded((format){__VA_ARGS__}, a); }               \
     INLINE double double_of_##type(double a) { return a; }                                               \
+    INLINE int32_t row_of_##type(double a, int32_t last) { return row_of_double(a, last); }              \
     INLINE double type##_of_double(double a)                                                             \
     {                                                                                                    \
         return double_of_soft(format_##type, soft_of_double(format_##type, a));                          \
@@ -391,6 +398,7 @@ INLINE reals reals_rounded(format f, reals a)
     typedef i64 bits_##type;                                                                             \
     static const format format_##type = {__VA_ARGS__};                                                   \
     INLINE double double_of_##type(int64_t a) { return double_of_soft(format_##type, a); }               \
+    INLINE int32_t row_of_##type(int64_t a, int32_t last) { return row_of_soft(format_##type, a, last); } \
     INLINE int64_t type##_of_double(double a) { return soft_of_double(format_##type, a); }               \
     OF_ELEMENTS(type, int64_t)                                                                           \
     LANES_OF(type, add, (type a, type b), soft_add(format_##type, a[k], b[k]))                           \

@@ -1,8 +1,6 @@
 """One step of a floating-point graph in Python integers: what the compiled engine must give."""
 
-import math
 from collections.abc import Mapping
-from fractions import Fraction
 from typing import assert_never
 
 from kalmanhdl.arithmetic import floating, real_functions
@@ -122,13 +120,5 @@ def row_index(form: Float, raw: int, rows: int) -> int:
 def _function(form: Float, function: Function, *arguments: int) -> int:
     if function is Function.SQUARE_ROOT:
         return floating.square_root(form, arguments[0])
-    result: float = getattr(real_functions, function.value)(*(_double(form, raw) for raw in arguments))
+    result: float = getattr(real_functions, function.value)(*map(form.double, arguments))
     return form.nearest(result)
-
-
-def _double(form: Float, raw: int) -> float:
-    """A number of at most double precision as Python's own."""
-    if form.is_nan(raw):
-        return math.nan
-    magnitude = math.inf if form.is_infinite(raw) else float(abs(form.real(raw) or Fraction(0)))
-    return -magnitude if raw & form.sign else magnitude

@@ -7,13 +7,16 @@ from numpy.typing import NDArray
 
 from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.graph.operations import Input
 from kalmanhdl.model.model import Model, within_turn
+from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate.commands import Command, commands, started
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.engine import Engine, Trace
+from kalmanhdl.simulate.float_arrays import float_raws, float_reals
 from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.reference import Estimates, reference
 
@@ -50,7 +53,7 @@ class Simulation:
         return sum(self.trace.violations.values())
 
 
-def simulate(model: Model, filter_: Filter, numbers: Numbers, plots: Plots) -> Simulation:
+def simulate(model: Model, filter_: Filter, numbers: Numbers | FloatNumbers, plots: Plots) -> Simulation:
     """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
     stimulus = stimulus_of(model, numbers.typed, plots)
     given = stimulus.commands
@@ -66,7 +69,7 @@ def simulate(model: Model, filter_: Filter, numbers: Numbers, plots: Plots) -> S
     )
 
 
-def _run(typed: TypedGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Trace:
+def _run(typed: TypedGraph | FloatGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Trace:
     """The engine over all rows; what leaves its format before a track has an estimate does not count."""
     engine, given = Engine.of(typed), stimulus.commands
     first = engine.run(
@@ -77,7 +80,7 @@ def _run(typed: TypedGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Tra
     )
 
 
-def stimulus_of(model: Model, typed: TypedGraph, plots: Plots) -> Stimulus:
+def stimulus_of(model: Model, typed: TypedGraph | FloatGraph, plots: Plots) -> Stimulus:
     """Plots as the hardware takes them, rounded to the nearest raw integer of their formats."""
     given = commands(model, plots.z, plots.active)
     values = {f"z[{j}]": column for j, column in enumerate(np.moveaxis(within_turn(model, plots.z), -1, 0))}
@@ -95,8 +98,13 @@ def stimulus_of(model: Model, typed: TypedGraph, plots: Plots) -> Stimulus:
     return Stimulus(commands=given, inputs=inputs, flags=flags, clipped=clipped)
 
 
-def raw(real: Array, form: Fixed) -> tuple[Integers, NDArray[np.bool_]]:
-    """The nearest raw integers, ties to even, clamped to the format, and where they had to be clamped."""
+def raw(real: Array, form: Fixed | Float) -> tuple[Integers, NDArray[np.bool_]]:
+    """The nearest raw integers, ties to even, clamped to the format, and where they had to be clamped.
+
+    Of a floating-point format, as it rounds; what is beyond its numbers is infinite, or the greatest.
+    """
+    if isinstance(form, Float):
+        return float_raws(real, form)
     if form.width > 52:
         exact = np.vectorize(form.nearest, otypes=[object])(real)
         return exact, np.asarray((exact == form.lowest) | (exact == form.highest))
@@ -105,12 +113,14 @@ def raw(real: Array, form: Fixed) -> tuple[Integers, NDArray[np.bool_]]:
     return np.clip(nearest, form.lowest, form.highest).astype(np.int64), outside
 
 
-def real(raws: Integers, form: Fixed, scale: float) -> Array:
+def real(raws: Integers, form: Fixed | Float, scale: float) -> Array:
     """Raw integers as real values in the model's units."""
+    if isinstance(form, Float):
+        return float_reals(raws, form) * scale
     return np.ldexp(np.asarray(raws, np.float64), -form.fraction) * scale
 
 
-def _estimates(model: Model, filter_: Filter, typed: TypedGraph, trace: Trace) -> Estimates:
+def _estimates(model: Model, filter_: Filter, typed: TypedGraph | FloatGraph, trace: Trace) -> Estimates:
     roots = {**dict(typed.graph.states), **dict(typed.graph.outputs)}
 
     def values(name: str, raws: Integers) -> Array:
