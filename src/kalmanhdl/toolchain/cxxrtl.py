@@ -13,6 +13,7 @@ from pathlib import Path
 
 from kalmanhdl.errors import ToolError
 from kalmanhdl.toolchain import cache
+from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.process import Tool, run, working_folder
 from kalmanhdl.toolchain.yosys import run_script
 from kalmanhdl.toolchain.yowasp import YOSYS, version
@@ -20,9 +21,13 @@ from kalmanhdl.toolchain.yowasp import YOSYS, version
 _OPTIONS = ("-std=c++17", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
 # CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
 _SPLIT = ("proc", "flatten", "opt_clean", "splitnets -driver", "opt_clean")
-# The harness evaluates once a cycle and never asks what changed: to copy every register is two to three
-# times faster than to compare each first.
-_COMMIT = (re.compile(r"if \((p_\w+)\.commit\(observer\)\) changed = true;"), r"\1.curr = \1.next;")
+_FASTER = (
+    # The harness never asks what changed: to copy a register is faster than to compare it first.
+    (re.compile(r"if \((p_\w+)\.commit\(observer\)\) changed = true;"), r"\1.curr = \1.next;"),
+    # The runtime branches on a sign that it repeats, and processors guess half of all signs wrong.
+    (re.compile(r"\.repeat<(\d+)>\(\)"), r".zext<\1>().neg()"),
+)
+_NAME = re.compile(r"\bp_\w+")
 _REMEDY = "install a C++ compiler (g++ or clang++), name one in CXX, or install the package ziglang"
 
 
@@ -88,10 +93,10 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     """
     compiler = find_compiler()
     ports = _ports_header(top, border)
-    harness = files(__package__).joinpath("stream_harness.cc").read_text()
+    harness, rewriting = (_beside(name) for name in ("stream_harness.cc", "histories.py"))
     options = (*_OPTIONS, "-O3" if optimised else "-O0")
-    how = (version(YOSYS), *compiler.command, *options, *_SPLIT, sys.platform)
-    parts = (*how, verilog, top, ports, harness)
+    how = (version(YOSYS), *compiler.command, *options, *_SPLIT, *map(repr, _FASTER), sys.platform)
+    parts = (*how, verilog, top, ports, harness, rewriting)
 
     def make(folder: Path) -> None:
         design = run_script(
@@ -100,13 +105,19 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
             "design.cc",
         )
         with working_folder() as work:
-            fast = _COMMIT[0].sub(_COMMIT[1], design)
+            fast = with_histories(design, set(_NAME.findall(ports)))
+            for slow, faster in _FASTER:
+                fast = slow.sub(faster, fast)
             for name, text in (("design.cc", fast), ("ports.h", ports), ("harness.cc", harness)):
                 (work / name).write_text(text)
             run(compiler, (*options, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
             shutil.copyfile(work / "simulator.so", folder / "simulator.so")
 
     return cache.entry("cxxrtl", parts, make) / "simulator.so"
+
+
+def _beside(name: str) -> str:
+    return files(__package__).joinpath(name).read_text()
 
 
 def _runtime() -> Path:

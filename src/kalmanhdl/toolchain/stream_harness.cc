@@ -1,4 +1,33 @@
 // Drives a design with one stream on either side. ports.h names the design's ports.
+#include <algorithm>
+#include <cxxrtl/cxxrtl.h>
+
+namespace cxxrtl_design {
+
+// Hides the runtime's memory, which searches a queue for the place of every write.
+template <size_t Width>
+struct memory : cxxrtl::memory<Width> {
+    using Base = cxxrtl::memory<Width>;
+    using Base::Base;
+    using Base::operator=;
+
+    void update(size_t index, const cxxrtl::value<Width> &val, const cxxrtl::value<Width> &mask, int priority = 0) {
+        this->write_queue.push_back({index, val, mask, priority});
+    }
+
+    template <class Observer>
+    bool commit(Observer &) {
+        auto &queue = this->write_queue;
+        if (queue.size() > 1)
+            std::stable_sort(queue.begin(), queue.end(), [](auto &a, auto &b) { return a.priority < b.priority; });
+        for (auto &write : queue) this->data[write.index] = this->data[write.index].update(write.val, write.mask);
+        queue.clear();
+        return true;
+    }
+};
+
+}  // namespace cxxrtl_design
+
 #include "design.cc"
 #include "ports.h"
 
