@@ -49,8 +49,12 @@ def test_one_measurement_has_unit_variance_and_states_fill_their_format():
 
 def test_every_flag_belongs_to_a_value_that_can_leave_its_format():
     typed = numbers(LEE.model, ALGORITHMS["conventional"](), LEE.numerics).typed
+    operations = typed.graph.operations
     for violation in typed.violations:
-        assert isinstance(typed.graph.operations[violation.outside], Outside)
+        flag = operations[violation.outside]
+        # That of a value which is taken under a condition counts under it.
+        flags = [flag] if isinstance(flag, Outside) else [operations[i] for i in operands(flag)]
+        assert any(isinstance(each, Outside) for each in flags)
         assert violation.starting or violation.running
 
 
@@ -121,3 +125,13 @@ def test_formats_that_are_given_are_kept():
     quantised = [o.form for o in typed.graph.operations if isinstance(o, Quantise)]
     assert form in quantised
     assert typed.formats[roots["P[0,0]"]].resolution == Fraction(1, 1 << 20)
+
+
+def test_a_measurement_that_is_missed_saturates_nothing():
+    z = np.stack([100e3 + 1500.0 * np.arange(12), np.full(12, 0.3)], axis=1)
+    # A missed plot comes as zero, far from the track.
+    z[6:9, 0] = np.nan
+    result = LEE.simulate(z)
+    assert result.saturations == 0
+    z[6:9, 0] = 0.0
+    assert LEE.simulate(z).saturations > 0

@@ -16,6 +16,7 @@ from kalmanhdl.graph.operations import (
     Bits,
     Constant,
     Divide,
+    Flag,
     Function,
     Graph,
     Input,
@@ -50,7 +51,7 @@ _TINY = 2.0**-64
 _GUARD = 4
 # How far beyond the values that were observed a format reaches, per class.
 # Innovations of real sensors, with their outliers and biases, go far beyond those of the model.
-_MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
+MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
 
 
 # Their arguments are squared, or turned with as many bits as they have.
@@ -229,7 +230,7 @@ class _Lowering:
         value = self.builder.value(index)
         if value is None or value == 0:
             return index
-        constant = _significant(value, self._constant_width())
+        constant = significant(value, self._constant_width())
         if self.builder.value(other) is None:
             finest = Fraction(2) ** -(self.type(other)[0].fraction + _GUARD)
             if constant.denominator > finest.denominator:
@@ -237,7 +238,7 @@ class _Lowering:
         return self.builder.constant(constant)
 
     def _by_constant(self, factor: Fraction, index: int) -> int:
-        return multiplied(self.builder, _significant(factor, self._constant_width()), index)
+        return multiplied(self.builder, significant(factor, self._constant_width()), index)
 
     def _quotient(self, index: int, a: int, b: int) -> int:
         """A quotient whose divisor may come near zero goes by the reciprocal, which is watched."""
@@ -303,7 +304,7 @@ class _Lowering:
         if isinstance(wanted, Fixed):
             return wanted if wanted.signed == signed or signed else _unsigned(wanted)
         greatest = max(abs(self.ranges.low[index]), abs(self.ranges.high[index]))
-        greatest *= _MARGIN.get(signal.signal_class, 1.0)
+        greatest *= MARGIN.get(signal.signal_class, 1.0)
         operation = self.graph.operations[index]
         if isinstance(operation, Table):
             # Tracks that are long enough reach every row.
@@ -412,16 +413,29 @@ class _Lowering:
         view = Graph(tuple(builder.operations), tuple(builder.origins), tuple(states), tuple(outputs))
         starting, running = cone(view, initialise=True), cone(view, initialise=False)
         found = []
-        for index in sorted(starting | running):
+        needed = starting | running
+        for index in sorted(needed):
             outside = self._outside(index, view.operations[index])
             if outside is not None:
                 builder.name(outside, f"outside: {builder.origins[index]}")
+                outside = self._where_chosen(view, needed, index, outside)
                 found.append(
                     Violation(
                         quantise=index, outside=outside, starting=index in starting, running=index in running
                     )
                 )
         return found
+
+    def _where_chosen(self, view: Graph, needed: set[int], index: int, outside: int) -> int:
+        """The flag where the value is taken: what a missed measurement would be is of no account."""
+        users = [view.operations[user] for user in view.users[index] if user in needed]
+        choices = {(user.flag, user.a == index) for user in users if isinstance(user, Select)}
+        if index in view.roots or len(choices) != 1 or not all(isinstance(user, Select) for user in users):
+            return outside
+        ((flag, holds),) = choices
+        if view.operations[flag] == Flag("initialise"):
+            return outside
+        return self.builder.both(outside, flag if holds else self.builder.opposite(flag))
 
     def _outside(self, index: int, operation: Operation) -> int | None:
         """The flag that a value does not fit its format, None where it always does."""
@@ -477,7 +491,7 @@ class _Lowering:
         return flags[0]
 
 
-def _significant(value: Fraction, bits: int) -> Fraction:
+def significant(value: Fraction, bits: int) -> Fraction:
     """The value rounded to so many significant bits."""
     if value == 0:
         return value
