@@ -12,7 +12,7 @@ from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Taylor
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
 from kalmanhdl.errors import FormatError
-from kalmanhdl.graph.operations import Multiply, Outside, Quantise
+from kalmanhdl.graph.operations import Multiply, Outside, Quantise, operands
 from kalmanhdl.numerics.integers import numbers
 from kalmanhdl.numerics.signed_digits import canonical_signed_digits
 from kalmanhdl.numerics.specification import FixedSpecification
