@@ -163,6 +163,29 @@ CALL void store_limbs(void *to, int64_t at, int64_t n, int limbs, iwide a)
     for (int64_t k = 0; k < n; k++) wide_store((uint64_t *)to + (at + k) * limbs, limbs, a.lane[k]);
 }
 
+/* Rounding to the nearest and subnormals, whatever other libraries have left the processor at. */
+#if defined(__x86_64__)
+INLINE uint64_t begin_arithmetic(void)
+{
+    uint64_t before = __builtin_ia32_stmxcsr();
+    __builtin_ia32_ldmxcsr(0x1f80);
+    return before;
+}
+INLINE void end_arithmetic(uint64_t before) { __builtin_ia32_ldmxcsr((unsigned)before); }
+#elif defined(__aarch64__)
+INLINE void end_arithmetic(uint64_t before) { __asm__ volatile("msr fpcr, %0" : : "r"(before)); }
+INLINE uint64_t begin_arithmetic(void)
+{
+    uint64_t before;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(before));
+    end_arithmetic(0);
+    return before;
+}
+#else
+INLINE uint64_t begin_arithmetic(void) { return 0; }
+INLINE void end_arithmetic(uint64_t before) { (void)before; }
+#endif
+
 /* The first n lanes. */
 INLINE i32 first_lanes(int64_t n) { i32 r; EACH r[k] = -(k < n); return r; }
 

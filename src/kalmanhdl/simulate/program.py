@@ -227,6 +227,7 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
     if (!b)
         return -1;
     memset(b, 0, sizeof *b);
+    uint64_t surroundings = begin_arithmetic();
     int32_t watched = 0;
     {_lines(empty, 4)}
     for (int64_t first = 0; first < tracks; first += GROUPS * LANES) {{
@@ -268,6 +269,7 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
     int64_t n = LANES;
     {_lines(extremes, 4)}
     int32_t seen = -any(b->watched.seen);
+    end_arithmetic(surroundings);
     free(b);
     return seen;
 }}"""
