@@ -26,7 +26,7 @@ def float_raws(real: Array, form: Float) -> tuple[Integers, NDArray[np.bool_]]:
         kind = np.uint64 if form.width <= 64 else object
         raws = np.vectorize(form.nearest, otypes=[object])(real).astype(kind)
     # Some formats round what is beyond to the greatest number, others reach further than doubles.
-    beyond = np.abs(real) >= np.ldexp(1.0, min(form.bias + 1, 1100))
+    beyond = np.abs(real) >= (2.0 ** (form.bias + 1) if form.bias < 1023 else np.inf)
     return raws, np.isfinite(real) & (beyond | (raws & (form.sign - 1) == form.infinity))
 
 
