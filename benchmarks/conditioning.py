@@ -2,7 +2,8 @@
 
 The greatest relative error of P after one update, against exact values: the problem of Dyer & McReynolds
 (H = [1 1 1; 1 1 1+d], R = d^2 I, P0 = I) and that of Bierman (H = [1 eps; 1 1], R = I, P0 = I / eps^2),
-with d and eps = 2^-k. Run: ``python benchmarks/conditioning.py``.
+with d and eps = 2^-k. "In single": by the bit-exact engine in single precision.
+Run: ``python benchmarks/conditioning.py``.
 """
 
 import csv
@@ -17,9 +18,13 @@ from rich.console import Console
 from rich.table import Table
 
 from kalmanhdl.algorithm import Algorithm, BiermanThornton, Conventional, Joseph, Sequential
+from kalmanhdl.errors import FormatError
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.numerics.floating import FloatSpecification, float_numbers
+from kalmanhdl.simulate.data import plots_from_arrays
 from kalmanhdl.simulate.reference import reference
+from kalmanhdl.simulate.side_by_side import simulate
 
 Array = NDArray[np.float64]
 Update = Callable[[Array, Array, Array], Array]
@@ -36,6 +41,20 @@ def by_algorithm(algorithm: Algorithm) -> Update:
         model = linear_model(np.eye(n), H, np.zeros((n, n)), R, initial=given(np.zeros(n), P0))
         start = np.zeros((1, 1), np.int8)
         return reference(algorithm(model), start, np.zeros((1, 1, m)), np.zeros((1, 1, 0))).P[0, 0]
+
+    return update
+
+
+def in_single(algorithm: Algorithm) -> Update:
+    """P after one update from P0 by an algorithm, every operation rounded to single precision."""
+    single = FloatSpecification(exponent=8, mantissa=23)
+
+    def update(H: Array, R: Array, P0: Array) -> Array:
+        n, m = len(P0), len(H)
+        model = linear_model(np.eye(n), H, np.zeros((n, n)), R, initial=given(np.zeros(n), P0))
+        numbers = float_numbers(model, algorithm, single)
+        data = plots_from_arrays(np.zeros((1, 1, m)), model)
+        return simulate(model, algorithm(model), numbers, data).exact.P[0, 0]
 
     return update
 
@@ -85,6 +104,8 @@ def error(update: Update, problem: tuple[Array, Array, Array], exact: Array) -> 
         worst = float(np.abs(update(*problem) / exact - 1).max())
     except np.linalg.LinAlgError:
         return "singular"
+    except FormatError:
+        return "out of range"
     return f"{worst:.0e}" if np.isfinite(worst) else "no number"
 
 
@@ -92,6 +113,7 @@ def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore")
     columns = {algorithm.kind: by_algorithm(algorithm) for algorithm in ALGORITHMS}
+    columns["bierman_thornton in single"] = in_single(BiermanThornton())
     columns["filterpy"] = by_filterpy(KalmanFilter)
     columns["filterpy square root"] = by_filterpy(SquareRootKalmanFilter)
     table = Table("problem", "k", *columns)

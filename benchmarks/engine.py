@@ -2,14 +2,18 @@
 
 The filter is that of designs/lee1997.toml: four states, two independent axes, 16-bit formats, two
 reciprocals a step, 1000 tracks; for wider signals that of designs/lee1997_q12_20.toml, 32-bit formats with
-64-bit products and exact divisions. A step is one update of one track. The engine gives estimates, variances,
-innovations and NIS of every step, and where the table says so all states too; it is called as users call it,
-with 64-bit integers in memory, and its results are new arrays each time.
+64-bit products and exact divisions. In floating point it is lee1997 in single and double precision, and in
+single precision rounded toward zero, which processors do not offer beside the other; and designs/wu2012.toml
+in single precision, nine dense states and spherical measurements. A step is one update of one track. The
+engine gives estimates, variances, innovations and NIS of every step, and where the table says so all states
+too; it is called as users call it, with integers in memory, and its results are new arrays each time.
 Run: ``python benchmarks/engine.py``. Times are processor time, summed over threads.
 """
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +22,14 @@ from filterpy.kalman import KalmanFilter
 from rich.console import Console
 from rich.table import Table
 
+from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.design import Design
+from kalmanhdl.numerics.floating import FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import numbers
+from kalmanhdl.numerics.ranges import simulated
+from kalmanhdl.simulate.data import plots_from_arrays
 from kalmanhdl.simulate.engine import Engine
+from kalmanhdl.simulate.side_by_side import stimulus_of
 
 DESIGNS = Path(__file__).parents[1] / "designs"
 
@@ -57,6 +66,27 @@ def engine_rates(design_name: str, z: np.ndarray) -> dict[str, float]:
         name: rate(lambda options=options: engine.run(inputs, flags, **options), TRACKS * STEPS)
         for name, options in variants.items()
     }
+
+
+def float_rates() -> dict[str, float]:
+    """The engine in floating point, on plots of the design's own units."""
+    single = FloatSpecification(exponent=8, mantissa=23)
+    variants = {
+        "lee1997, float32": ("lee1997", single, STEPS),
+        "lee1997, float64": ("lee1997", FloatSpecification(exponent=11, mantissa=52), STEPS),
+        "lee1997, float32 toward zero": ("lee1997", replace(single, rounding=Rounding.TOWARD_ZERO), STEPS),
+        "wu2012, float32": ("wu2012", single, 50),
+    }
+    rates = {}
+    for name, (design_name, specification, steps) in variants.items():
+        design = Design.load(DESIGNS / f"{design_name}.toml")
+        typed = float_numbers(design.model, design.algorithm, specification).typed
+        drawn = simulated(design.model, coast=0, steps=steps, tracks=TRACKS)
+        given = stimulus_of(design.model, typed, plots_from_arrays(drawn.z, design.model))
+        engine = Engine.of(typed)
+        run = partial(engine.run, given.inputs, given.flags, record_states=False)
+        rates[f"engine, {name}"] = rate(run, TRACKS * steps)
+    return rates
 
 
 def filterpy_rate(z: np.ndarray) -> float:
@@ -97,6 +127,7 @@ def main() -> None:
     raw = np.random.default_rng(1).normal(8000, 130, (STEPS, TRACKS, 2)).astype(np.int64)
     real = raw / 2.0**13
     rates = engine_rates("lee1997", raw) | engine_rates("lee1997_q12_20", raw << 12)
+    rates |= float_rates()
     rates |= {"simdkalman": simdkalman_rate(real), "filterpy": filterpy_rate(real)}
     table = Table("", "M steps/s and core", "times slower than the first")
     fastest = next(iter(rates.values()))
