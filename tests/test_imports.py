@@ -26,7 +26,7 @@ LINE = (
         "design",
         "design_file",
     ),
-    *("simulate", "schedule", "rtl", "toolchain", "verify", "pipeline", "report", "reproduce"),
+    *("simulate", "schedule", "explore", "rtl", "toolchain", "verify", "pipeline", "report", "reproduce"),
     *("output", "build", "tables", "console", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.

@@ -12,7 +12,7 @@ from kalmanhdl.graph.balance import balanced
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.quantise import quantise
-from kalmanhdl.numerics.ranges import Plots, observed, simulated
+from kalmanhdl.numerics.ranges import Plots, Ranges, observed, simulated
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
@@ -29,8 +29,26 @@ class Numbers:
     typed: TypedGraph
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reals:
+    """What formats are chosen from: a step on reals in hardware units, and how large its values become."""
+
+    model: Model
+    scaling: Scaling
+    graph: Graph
+    ranges: Ranges
+    scales: dict[str, float]
+
+
 def numbers(model: Model, algorithm: Algorithm, specification: FixedSpecification) -> Numbers:
     """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
+    reals = in_reals(model, algorithm, specification)
+    typed = quantise(reals.graph, reals.ranges, specification, reals.scales)
+    return Numbers(scaling=reals.scaling, graph=reals.graph, typed=typed)
+
+
+def in_reals(model: Model, algorithm: Algorithm, specification: FixedSpecification) -> Reals:
+    """One step of an algorithm on a model, observed over tracks drawn from the model."""
     plots = simulated(model, specification.coast)
     _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
     scaling = units(model, algorithm(model), specification, plots)
@@ -40,8 +58,7 @@ def numbers(model: Model, algorithm: Algorithm, specification: FixedSpecificatio
     filter_ = algorithm.in_units(model, scaling.covariances())(inner)
     graph = balanced(trace(inner, filter_))
     ranges = observed(graph, inner, in_units(plots, scaling))
-    typed = quantise(graph, ranges, specification, scaling.units(filter_.kept))
-    return Numbers(scaling=scaling, graph=graph, typed=typed)
+    return Reals(model=inner, scaling=scaling, graph=graph, ranges=ranges, scales=scaling.units(filter_.kept))
 
 
 def _arrays(model: Model) -> Iterator[tuple[str, NDArray[np.float64]]]:
