@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from kalmanhdl.model.motion import constant_velocity as constant_velocity
     from kalmanhdl.model.state_space import LinearModel as LinearModel
     from kalmanhdl.model.state_space import linear_model as linear_model
+    from kalmanhdl.numerics.floating import FloatSpecification as FloatSpecification
     from kalmanhdl.numerics.specification import FixedSpecification as FixedSpecification
 
 __version__ = "0.1.0"
@@ -35,6 +36,7 @@ _HOMES = {
     "Design": "design",
     "Fixed": "arithmetic.fixed",
     "FixedSpecification": "numerics.specification",
+    "FloatSpecification": "numerics.floating",
     "KalmanhdlError": "errors",
     "LinearModel": "model.state_space",
     "Target": "design",
