@@ -47,6 +47,27 @@ def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS
     the model does not know, are standard normal in the units of the model.
     """
     random = np.random.default_rng(seed)
+    drawn_tracks = drawn(model, random, steps, tracks)
+    return Plots(
+        z=drawn_tracks.z,
+        u=drawn_tracks.u,
+        valid=missed_now_and_then(model, random, steps, tracks, coast),
+        relevant=drawn_tracks.relevant,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """Tracks drawn from a model: truth (steps, tracks, n), and z, u, relevant as in ``Plots``."""
+
+    truth: Array
+    z: Array
+    u: Array
+    relevant: NDArray[np.bool_]
+
+
+def drawn(model: Model, random: np.random.Generator, steps: int, tracks: int) -> Drawn:
+    """Tracks of a model, its noise and its measurements' noise drawn from ``random``; see ``simulated``."""
     x, spread = model.first_states(random, tracks), root(model.R)
     u, noise = np.zeros((steps, tracks, model.p)), np.zeros((steps, tracks, len(model.Q)))
     error = np.zeros((steps, tracks, model.m))
@@ -62,7 +83,7 @@ def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS
         low, high = model.measurement_range.T
         inside = np.all((z >= low) & (z <= high), axis=2)
         relevant = np.logical_and.accumulate(inside, axis=0)
-    return Plots(z=z, u=u, valid=_valid(model, random, steps, tracks, coast), relevant=relevant)
+    return Drawn(truth=truth, z=z, u=u, relevant=relevant)
 
 
 def observed(graph: Graph, model: Model, plots: Plots) -> Ranges:
@@ -149,9 +170,10 @@ def _known_flags(graph: Graph, initialise: bool) -> dict[int, bool]:
     return known
 
 
-def _valid(
+def missed_now_and_then(
     model: Model, random: np.random.Generator, steps: int, tracks: int, coast: int
 ) -> NDArray[np.bool_]:
+    """Which measurements (steps, tracks, m) there are, the others being missed; see ``simulated``."""
     valid = np.ones((steps, tracks, model.m), bool)
     half, begin = tracks // 2, steps // 2
     valid[:, half:] = random.random((steps, tracks - half, model.m)) >= _MISSED
