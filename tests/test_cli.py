@@ -262,3 +262,34 @@ def test_an_unknown_device_is_blamed_on_the_option(option, value, problem):
     done = run("implement", DESIGN, option, value)
     assert done.exit_code == 1
     assert done.stderr.splitlines()[-1] == f"error: {option} = {problem}"
+
+
+@pytest.fixture
+def floating(tmp_path):
+    """The good design in single precision."""
+    file = tmp_path / "float.toml"
+    lines = Path(DESIGN).read_text().partition("[numerics]")[0]
+    file.write_text(f'{lines}\n[numerics]\nkind = "float"\nformat = "single"\n')
+    return file
+
+
+def test_a_design_in_floating_point_is_shown_and_simulated(floating, tmp_path):
+    shown = run("show", floating)
+    assert shown.exit_code == 0, shown.stderr
+    assert "format      float(8, 23), rounded half even" in shown.stdout
+    assert "from 1.401e-45, in full from 1.175e-38, to 3.403e+38" in shown.stdout
+    assert "= input z[0]" in run("show", floating, "--graph").stdout
+    done = run("simulate", floating, "--data", DATA, "--out", tmp_path / "e")
+    assert done.exit_code == 0, done.stderr
+    assert "0 saturations, 0 inputs out of range" in done.stdout
+    assert (tmp_path / "e" / "estimates.csv").exists()
+
+
+@pytest.mark.parametrize("words", [["build"], ["verify"], ["implement"], ["show", "--schedule"]])
+def test_hardware_of_floating_point_is_refused_before_any_work(floating, words, monkeypatch):
+    monkeypatch.setattr(building, "prepare", None)
+    done = run(words[0], floating, *words[1:])
+    assert done.exit_code == 1
+    line = floating.read_text().splitlines().index('kind = "float"') + 1
+    expected = f'{floating}, line {line}: [numerics] kind = "float": floating-point hardware is not there yet'
+    assert expected in done.stderr

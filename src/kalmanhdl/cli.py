@@ -210,7 +210,7 @@ def show(
     chosen = _load(design, constant)
     if isinstance(chosen.numerics, FloatSpecification) and not schedule and out is None:
         found = float_numbers(chosen.model, chosen.algorithm, chosen.numerics)
-        typer.echo(print_graph(found.typed.graph) if graph else float_tables(chosen, found), nl=not graph)
+        typer.echo(print_graph(found.graph) if graph else float_tables(chosen, found), nl=not graph)
         return
     typed, plan = planned_design(chosen)
     if out is not None:
