@@ -187,7 +187,9 @@ static void quantised_type(const program *p, prepared *all, int i)
     double scale = power(form.fraction), unit = power(-form.fraction);
     int source = p->code[x - all].code;
     if (source == CONSTANT || source == ROUNDED || source == BESIDE) {
-        r->value = clamp(rint(x->value * scale) * unit, form.low, form.high);
+        double nearest = rint(x->value * scale) * unit;
+        r->value = clamp(nearest, form.low, form.high);
+        r->leaves = r->value != nearest;
         r->t = exact(r->value, r->value, fraction_of(r->value));
         return;
     }

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.division import DivisionMethod, TableNewton, reciprocal_table
-from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.errors import ToolError
 from kalmanhdl.explore.program import Code, Program
 from kalmanhdl.numerics.quantise import significant
@@ -150,10 +150,14 @@ class FormatEngine:
         return Run(outputs=outputs, types=types, clamped=clamped)
 
 
-def formats_of(run: Run, program: Program, index: int) -> Fixed:
-    """The format that a step of a program took in a run."""
-    row = run.types[index]
-    return Fixed(width=int(row["width"]), fraction=int(row["fraction"]), signed=bool(row["low"] < 0))
+def known_clamped(run: Run, program: Program) -> bool:
+    """Whether a constant, as a start has them, did not fit its format."""
+    suspects = np.flatnonzero((run.types["leaves"] != 0) & (run.types["live"] != 0))
+    return any(
+        program.steps[k].code is Code.QUANTISE
+        and program.steps[program.steps[k].a].code in (Code.CONSTANT, Code.ROUNDED, Code.BESIDE)
+        for k in suspects.tolist()
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
