@@ -19,6 +19,11 @@ from kalmanhdl.toolchain.yosys import run_script
 from kalmanhdl.toolchain.yowasp import YOSYS, version
 
 _OPTIONS = ("-std=c++17", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
+_FAST, _QUICKLY_MADE = ("-O3",), ("-O0",)
+# One function holds the whole design. The runtime has every operation inlined into it, which compilers take
+# minutes for beyond so many characters; left to themselves, they do with less.
+_LARGE = 1 << 20
+_FAST_LARGE = ("-O1", "-D__always_inline__=__unused__")
 # CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
 _SPLIT = ("proc", "flatten", "opt_clean", "splitnets -driver", "opt_clean")
 _FASTER = (
@@ -94,8 +99,8 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     compiler = find_compiler()
     ports = _ports_header(top, border)
     harness, rewriting = (_beside(name) for name in ("stream_harness.cc", "histories.py"))
-    options = (*_OPTIONS, "-O3" if optimised else "-O0")
-    how = (version(YOSYS), *compiler.command, *options, *_SPLIT, *map(repr, _FASTER), sys.platform)
+    flags = (*_OPTIONS, *(_FAST + _FAST_LARGE if optimised else _QUICKLY_MADE))
+    how = (version(YOSYS), *compiler.command, *flags, *_SPLIT, *map(repr, _FASTER), sys.platform)
     parts = (*how, verilog, top, ports, harness, rewriting)
 
     def make(folder: Path) -> None:
@@ -110,7 +115,8 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
                 fast = slow.sub(faster, fast)
             for name, text in (("design.cc", fast), ("ports.h", ports), ("harness.cc", harness)):
                 (work / name).write_text(text)
-            run(compiler, (*options, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
+            speed = (_FAST_LARGE if len(fast) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
+            run(compiler, (*_OPTIONS, *speed, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
             shutil.copyfile(work / "simulator.so", folder / "simulator.so")
 
     return cache.entry("cxxrtl", parts, make) / "simulator.so"
