@@ -92,8 +92,11 @@ class Issue(Component):
         """
         second, third = _Place("second", self._layout), _Place("third", self._layout)
         back = self._pace.slots - 1
-        second_match, third_match = Signal(back), Signal(back)
-        same_track, blocked, advance = Signal(), Signal(), Signal()
+        # What is known of a place is taken with it: without a step in it, it means nothing.
+        second_match = Signal(back, reset_less=True)
+        third_match = Signal(back, reset_less=True)
+        same_track, blocked = Signal(reset_less=True), Signal(reset_less=True)
+        advance = Signal()
         m.d.comb += [
             self.next_step.eq(third.payload),
             self.go.eq(third.valid & ~blocked & self.room & tick),
