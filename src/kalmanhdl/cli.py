@@ -9,7 +9,7 @@ import typer
 
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, OutputError
 from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _MOST = 1_000_000_000
 _PICTURES = (".png", ".svg")
+# Doubles compute wider words no better.
+_WIDEST = 48
 
 app = typer.Typer(
     name="kalmanhdl",
@@ -39,6 +41,7 @@ _Seeds = Annotated[
     int | None, typer.Option(min=1, max=64, help="Placements to try.  [default: the design's]")
 ]
 _Grade = Annotated[int | None, typer.Option(help="Speed grade.  [default: the design's]")]
+_Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a file, PNG or SVG.")]
 _Constants = Annotated[
     list[str] | None,
     typer.Option(
@@ -223,6 +226,162 @@ def show(
         typer.echo(design_tables(chosen, typed, plan))
     if out is not None:
         typer.echo(f"schedule: {out}")
+
+
+@app.command()
+@reported
+def formats(
+    design: _Design,
+    data: _Data = None,
+    tolerance: Annotated[
+        float, typer.Option(min=1e-6, max=10.0, help="By how much of itself the error may grow.")
+    ] = 0.01,
+    objective: Annotated[
+        str, typer.Option(help="What is to be small: bits, or area (an estimate).")
+    ] = "bits",
+    seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the tracks.")] = 1,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="The design file to write.")] = None,
+    picture: _Picture = None,
+    constant: _Constants = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+) -> None:
+    """Choose a number format for every signal: the fewest bits, or the least area, within a tolerance."""
+    from kalmanhdl.design_file.writer import dumps
+    from kalmanhdl.explore.search import Objective, search
+    from kalmanhdl.output import new_file
+    from kalmanhdl.tables import formats_table
+
+    if objective not in [each.value for each in Objective]:
+        raise typer.BadParameter(f"{objective!r}: bits or area", param_hint="--objective")
+    _check_picture(picture)
+    _check_new(out, force=force)
+    chosen = _load(design, constant)
+    plots = _read(data, chosen)
+    with Progress() as progress:
+        found = search(
+            chosen,
+            tolerance=tolerance,
+            objective=Objective(objective),
+            data=plots,
+            seed=seed,
+            progress=progress,
+        )
+    typer.echo(formats_table(found, tolerance))
+    if out is not None:
+        with new_file(out) as file:
+            file.write_text(dumps(replace(chosen, numerics=found.specification)), encoding="utf-8")
+        typer.echo(f"design: {out}")
+    if picture is not None:
+        from kalmanhdl.report.explored import save_front
+
+        with new_file(picture) as file:
+            save_front(found, chosen.name, file)
+        typer.echo(f"picture: {picture}")
+
+
+@app.command()
+@reported
+def sweep(
+    design: _Design,
+    widths: Annotated[str, typer.Option(metavar="FROM:TO", help="Word lengths, with both ends.")] = "8:32",
+    algorithms: Annotated[
+        str, typer.Option(metavar="KIND,...", help="Algorithms to compare.  [default: the design's]")
+    ] = "",
+    split: Annotated[
+        str, typer.Option(help="Binary points by range, or half: in the middle of every word.")
+    ] = "range",
+    bound: Annotated[float, typer.Option(min=0.0, help="Excess of the error that counts as broken.")] = 1.0,
+    steps: Annotated[
+        int | None,
+        typer.Option(min=2, max=100_000, help="Of a track.  [default: 200, or 64 without declared ranges]"),
+    ] = None,
+    tracks: Annotated[int, typer.Option(min=1, max=10_000, help="Tracks drawn from the model.")] = 64,
+    seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the tracks.")] = 1,
+    data: _Data = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="The rows, CSV or JSON.")] = None,
+    picture: _Picture = None,
+    constant: _Constants = None,
+) -> None:
+    """Accuracy against word length, for one algorithm or several, and where each breaks."""
+    from kalmanhdl.explore.sweep import Split
+    from kalmanhdl.explore.sweep import sweep as run
+    from kalmanhdl.output import new_file
+    from kalmanhdl.tables import sweep_table, sweep_text
+
+    if split not in [each.value for each in Split]:
+        raise typer.BadParameter(f"{split!r}: range or half", param_hint="--split")
+    if out is not None and out.suffix.lower() not in (".csv", ".json"):
+        raise typer.BadParameter(f"{out}: write a .csv or .json", param_hint="--out")
+    _check_picture(picture)
+    lengths = _widths(widths)
+    chosen = _load(design, constant)
+    kinds = [kind.strip() for kind in algorithms.split(",") if kind.strip()]
+    with Progress() as progress:
+        rows = run(
+            chosen,
+            lengths,
+            kinds,
+            split=Split(split),
+            bound=bound,
+            data=_read(data, chosen),
+            seed=seed,
+            steps=steps,
+            tracks=tracks,
+            progress=progress,
+        )
+    typer.echo(sweep_table(rows))
+    if out is not None:
+        with new_file(out) as file:
+            file.write_text(sweep_text(rows, json=out.suffix.lower() == ".json"), encoding="utf-8")
+        typer.echo(f"rows: {out}")
+    if picture is not None:
+        from kalmanhdl.report.explored import save_sweep
+
+        with new_file(picture) as file:
+            save_sweep(rows, chosen.name, file)
+        typer.echo(f"picture: {picture}")
+
+
+@app.command()
+@reported
+def consistency(
+    design: _Design,
+    tracks: Annotated[int, typer.Option(min=2, max=1_000_000, help="Tracks drawn from the model.")] = 1000,
+    steps: Annotated[int, typer.Option(min=3, max=100_000, help="Measurements of a track.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the tracks.")] = 1,
+    processes: Annotated[int, typer.Option(min=1, max=256, help="That share the tracks.")] = 2,
+    constant: _Constants = None,
+) -> None:
+    """NEES, NIS and whiteness of float reference and hardware, with bands of 95 %."""
+    from kalmanhdl.explore.monte_carlo import monte_carlo
+    from kalmanhdl.tables import consistency_table
+
+    chosen = _load(design, constant)
+    with Progress() as progress:
+        found = monte_carlo(
+            chosen, tracks=tracks, steps=steps, seed=seed, processes=processes, progress=progress
+        )
+    typer.echo(consistency_table(chosen.model, found))
+
+
+def _check_picture(picture: Path | None) -> None:
+    if picture is not None and picture.suffix.lower() not in _PICTURES:
+        raise typer.BadParameter(f"{picture}: write a .png or .svg", param_hint="--picture")
+
+
+def _check_new(out: Path | None, *, force: bool) -> None:
+    if out is not None and out.exists() and not force:
+        raise OutputError(f"{out}: exists: name another file, or replace it with --force")
+
+
+def _widths(text: str) -> range:
+    first, colon, last = text.partition(":")
+    if first.isdecimal() and (last if colon else first).isdecimal():
+        found = range(int(first), int(last if colon else first) + 1)
+        if found and found[0] >= 2 and found[-1] <= _WIDEST:
+            return found
+    problem = f"{text!r}: write two word lengths from 2 to {_WIDEST}, such as 8:32"
+    raise typer.BadParameter(problem, param_hint="--widths")
 
 
 def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:

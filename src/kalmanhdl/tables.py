@@ -1,10 +1,17 @@
 """What the commands print: short tables, as text."""
 
+import csv
+import io
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from json import dumps
 from typing import Any
 
 from kalmanhdl.design import Design
+from kalmanhdl.explore.monte_carlo import MonteCarlo
+from kalmanhdl.explore.search import Found
+from kalmanhdl.explore.sweep import Row, as_records
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
@@ -192,6 +199,81 @@ def _chart(summary: Summary) -> str:
         bar = "." * begin + "#" * (end - begin + 1)
         rows.append((str(row.start), row.kind.replace("_", " "), row.origin, bar))
     return _aligned(rows)
+
+
+def formats_table(found: Found, tolerance: float) -> str:
+    """The chosen formats, a line a signal, and what they cost and give."""
+    rows: list[Sequence[str]] = [("signal", "width", "format")]
+    for variable, width in zip(found.variables, found.widths.tolist(), strict=True):
+        form = f"{variable.form(width)}" if variable.signal else f"{variable.count} of this class"
+        rows.append((variable.name, str(width), form))
+    saved = 1 - found.point.bits / found.uniform_point.bits
+    chosen, uniform = found.point, found.uniform_point
+    figures: list[Sequence[str]] = [
+        ("total", f"{chosen.bits} bits, {saved:.0%} less than uniform words"),
+        ("uniform", f"{found.uniform} bits a word, {uniform.bits} bits, error {uniform.error:+.2%}"),
+        ("error", f"{chosen.error:+.2%} on the tracks of the search, {found.unseen:+.2%} on others"),
+    ]
+    if found.unseen_data is not None:
+        figures.append(("", f"{found.unseen_data:+.2%} on data not seen"))
+    if chosen.cost != chosen.bits:
+        figures.append(("area", f"{chosen.cost:.0f} LUTs, uniform {uniform.cost:.0f}: an estimate"))
+    figures.append(("tolerance", f"{tolerance:+.2%}, 0 saturations, {found.candidates} candidates"))
+    return f"{_aligned(rows)}\n\n{_aligned(figures)}"
+
+
+def sweep_table(rows: Sequence[Row]) -> str:
+    """Accuracy against word length, a line a word length and algorithm."""
+    head = ("algorithm", "bits", "error beyond float", "squared error", "float", "")
+    lines: list[Sequence[str]] = [head]
+    for row in rows:
+        squares = (_figure(row.squared_error), _figure(row.float_squared_error))
+        lines.append((row.algorithm, str(row.width), f"{100 * row.excess:+.4g} %", *squares, row.broken))
+    kinds = dict.fromkeys(row.algorithm for row in rows)
+    ends = [f"{kind}: {_least([row for row in rows if row.algorithm == kind])}" for kind in kinds]
+    return "\n".join((_aligned(lines), "", *ends))
+
+
+def _least(rows: Sequence[Row]) -> str:
+    """From which word length on an algorithm does not break."""
+    broken = [row for row in rows if row.broken]
+    if not broken:
+        return f"breaks at none of these word lengths, {rows[0].width} to {rows[-1].width} bits"
+    last = broken[-1]
+    return f"breaks at {last.width} bits and less: {last.broken}"
+
+
+def sweep_text(rows: Sequence[Row], *, json: bool) -> str:
+    """The rows of a sweep as JSON or CSV; numbers that are not finite are null or empty."""
+    records = [
+        {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in record.items()}
+        for record in as_records(tuple(rows))
+    ]
+    if json:
+        return dumps(records, indent=1) + "\n"
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(records[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def consistency_table(model: Model, found: MonteCarlo) -> str:
+    """NEES, NIS and autocorrelation of float reference and hardware, with their bands."""
+    pair = (found.reference, found.exact)
+    rows: list[Sequence[str]] = [("", "float", "hardware", "band of 95 %")]
+    for name, values in (("NEES at the end", [t.nees for t in pair]), ("NIS", [t.nis for t in pair])):
+        means = [f"{v.mean:.4f}{'' if v.consistent else ' outside'}" for v in values]
+        rows.append((name, *means, f"{values[0].low:.4f} to {values[0].high:.4f}"))
+    inside = [f"{t.nees_inside:.1%}" for t in pair]
+    rows.append(("steps with NEES inside", *inside, "95 % expected"))
+    for j, name in enumerate(model.measurement_names):
+        found_both = [f"{t.autocorrelation[j]:+.4f}" for t in pair]
+        rows.append((f"autocorrelation, {name}", *found_both, f"within {found.reference.limit[j]:.4f}"))
+    for i, name in enumerate(model.state_names):
+        rows.append((f"rmse, {name}", *(_figure(float(t.rmse[i])) for t in pair), ""))
+    counts = f"{found.tracks} tracks of {found.steps} steps, {found.saturations} saturations"
+    return f"{_aligned(rows)}\n{counts}"
 
 
 def _figure(value: float) -> str:

@@ -384,7 +384,9 @@ static void operate(machine *m, int i)
     case INPUT: {
         const double *in = m->input[o->a];
         double scale = r->scale, unit = r->unit, low = r->t.low, high = r->t.high;
-        EACH out[l] = clamp(rint(in[l] * scale) * unit, low, high);
+        EACH out[l] = rint(in[l] * scale) * unit;
+        for (int l = 0; l < LANES; l++) count += ((out[l] < low) | (out[l] > high)) ? mask[l] : 0.0;
+        EACH out[l] = clamp(out[l], low, high);
         break;
     }
     case STATE: memcpy(out, m->state[o->a], sizeof(vector)); break;

@@ -20,10 +20,18 @@ from kalmanhdl.explore.area import estimated_luts
 from kalmanhdl.explore.choice import Variable, bits_of, place_forms, specification_of, variables_of
 from kalmanhdl.explore.format_engine import Drive, FormatEngine, Run
 from kalmanhdl.explore.program import Program, program_of
-from kalmanhdl.explore.tracks import Judged, drawn_plots, drive_of, from_the_start, judged, split
+from kalmanhdl.explore.tracks import (
+    Judged,
+    drawn_plots,
+    drive_of,
+    from_the_start,
+    joined,
+    judged,
+    split,
+    usual_steps,
+)
 from kalmanhdl.numerics.integers import in_reals, in_units, numbers
 from kalmanhdl.numerics.ranges import Ranges, observed
-from kalmanhdl.numerics.signals import signal_of
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.side_by_side import simulate
@@ -34,12 +42,16 @@ from kalmanhdl.validation import InvalidValueError
 Widths = NDArray[np.int64]
 Progress = Callable[[str], None]
 
-TRACKS, STEPS = 64, 200
+TRACKS = 64
 _LEAST, _MOST = 3, 44
 # What is chosen on some tracks is to hold on others: so much of the tolerance is used on those.
 _MARGIN = 0.8
 _ATTEMPTS = 6
 _EXCHANGES = 12
+_CONSTANT_STEP = 6
+# Tracks on which a choice failed that join those of the search.
+_WORST = 16
+_WIDE = 16
 
 
 class Objective(Enum):
@@ -88,6 +100,8 @@ class _Evaluator:
     base: FixedSpecification
     variables: tuple[Variable, ...]
     sets: tuple[tuple[Judged, Drive], ...]
+    # Many more tracks, of which only is asked how far values reach.
+    wide: Drive
     scales: NDArray[np.float64]
     objective: Objective
     part: Device
@@ -97,6 +111,12 @@ class _Evaluator:
 
     def __post_init__(self) -> None:
         self.forms = self.engine.forms(self.base)
+
+    def use(self, base: FixedSpecification, constant: int) -> None:
+        """Other formats for what is not chosen; what was known no longer holds."""
+        self.base = replace(base, classes=base.classes | {"constant": constant})
+        self.forms = self.engine.forms(self.base)
+        self.known.clear()
 
     def points(self, many: list[Widths]) -> list[Point]:
         """The points of candidates, in parallel."""
@@ -130,7 +150,7 @@ def search(
     objective: Objective = Objective.BITS,
     data: Plots | None = None,
     seed: int = 1,
-    steps: int = STEPS,
+    steps: int | None = None,
     tracks: int = TRACKS,
     workers: int = 2,
     progress: Progress = lambda _: None,
@@ -141,6 +161,7 @@ def search(
     DesignError where the design is not in fixed point, ToolError without a C compiler.
     """
     base = _cleared(design.fixed_point)
+    steps = steps or usual_steps(design.model)
     progress("tracing the filter and drawing tracks")
     reals = in_reals(design.model, design.algorithm, base)
     ranges = reals.ranges
@@ -151,6 +172,7 @@ def search(
     filter_ = design.algorithm(design.model)
     plots = [drawn_plots(design.model, base.coast, steps, tracks, seed)]
     unseen = [drawn_plots(design.model, base.coast, steps, 2 * tracks, seed + 1)]
+    many = drawn_plots(design.model, base.coast, steps, _WIDE * tracks, seed + 2)
     if data is not None:
         chosen_by, judged_by = split(data)
         plots.append(chosen_by)
@@ -164,6 +186,7 @@ def search(
             base=base,
             variables=(),
             sets=tuple((each, drive_of(program, reals.scaling, each)) for each in sets),
+            wide=drive_of(program, reals.scaling, judged(design.model, filter_, many)),
             scales=np.array([reals.scales[f"x[{i}]"] for i in range(n)]),
             objective=objective,
             part=device(design.target.device, design.target.grade),
@@ -171,17 +194,18 @@ def search(
         )
         extra: dict[str, int] = {}
         target = tolerance * _MARGIN
-        for _ in range(_ATTEMPTS):
+        for attempt in range(_ATTEMPTS):
             found = _searched(evaluator, program, extra, target, progress)
             progress("confirming with the bit-exact engine on tracks that were not seen")
-            result, short = _confirmed(design, found, checks, program, tolerance, evaluator)
+            result, failed = _confirmed(design, found, checks, tolerance, evaluator)
             if result is not None:
                 return result
-            if short:
-                for name in short:
-                    extra[name] = extra.get(name, 0) + 1
-            else:
-                target *= 0.7
+            # The tracks on which it failed are seen from now on, and others take their place.
+            sets[0] = judged(design.model, filter_, joined(sets[0].plots, failed))
+            evaluator.sets = tuple((each, drive_of(program, reals.scaling, each)) for each in sets)
+            fresh = drawn_plots(design.model, base.coast, steps, 2 * tracks, seed + 3 + attempt)
+            checks[0] = judged(design.model, filter_, fresh)
+            target *= 0.85
     raise FormatError(f"{design.name}: formats that hold on tracks not seen were not found: allow more error")
 
 
@@ -200,9 +224,7 @@ def _searched(
     _fit_ranges(evaluator, program, extra)
     progress("finding the best uniform word length")
     uniform = _best_uniform(evaluator, target)
-    evaluator.base = replace(evaluator.base, width=uniform)
-    evaluator.forms = evaluator.engine.forms(evaluator.base)
-    evaluator.known.clear()
+    evaluator.use(replace(evaluator.base, width=uniform), _constant_width(evaluator.base))
     widths = np.full(len(evaluator.variables), uniform, np.int64)
     while evaluator.points([widths])[0].error > target:
         widths = widths + 1
@@ -221,7 +243,9 @@ def _fit_ranges(evaluator: _Evaluator, program: Program, extra: dict[str, int]) 
         evaluator.known.clear()
         names = {slot: v.name for v in evaluator.variables if v.signal for slot in v.slots}
         wide = np.full(len(evaluator.variables), _MOST, np.int64)
-        clamped = sum(run.clamped for run in evaluator.runs(wide))
+        forms = place_forms(evaluator.forms, program, evaluator.variables, wide)
+        run = evaluator.engine.run(forms, _constant_width(evaluator.base), evaluator.wide)
+        clamped = run.clamped + sum(each.clamped for each in evaluator.runs(wide))
         places = np.flatnonzero(clamped)
         short = {names[program.steps[k].slot] for k in places.tolist() if program.steps[k].slot in names}
         if not short:
@@ -231,14 +255,19 @@ def _fit_ranges(evaluator: _Evaluator, program: Program, extra: dict[str, int]) 
 
 
 def _best_uniform(evaluator: _Evaluator, target: float) -> int:
-    lengths = list(range(_LEAST, _MOST + 1))
-    count = len(evaluator.variables)
-    for begin in range(0, len(lengths), 4):
-        some = lengths[begin : begin + 4]
-        points = evaluator.points([np.full(count, length, np.int64) for length in some])
-        for length, point in zip(some, points, strict=True):
-            if point.error <= target:
-                return length
+    """The least word length within the target; constants get more bits if they need them."""
+    lengths, count = list(range(_LEAST, _MOST + 1)), len(evaluator.variables)
+    own = _constant_width(evaluator.base)
+    for constant in range(own, max(own, _MOST) + 1, _CONSTANT_STEP):
+        evaluator.use(evaluator.base, constant)
+        if evaluator.points([np.full(count, _MOST, np.int64)])[0].error > target:
+            continue
+        for begin in range(0, len(lengths), 4):
+            some = lengths[begin : begin + 4]
+            points = evaluator.points([np.full(count, length, np.int64) for length in some])
+            for length, point in zip(some, points, strict=True):
+                if point.error <= target:
+                    return length
     raise FormatError(f"no word length up to {_MOST} bits meets the tolerance: allow more error")
 
 
@@ -300,12 +329,11 @@ def _confirmed(
     design: Design,
     found: _Descent,
     checks: list[Judged],
-    program: Program,
     tolerance: float,
     evaluator: _Evaluator,
-) -> tuple[Found | None, set[str]]:
-    """The result where the bit-exact engine agrees, else the signals that left their formats."""
-    specification, typed = found.base, None
+) -> tuple[Found | None, Plots]:
+    """The result where the bit-exact engine agrees; and the tracks, of those drawn, that are worst."""
+    typed = None
     variables = found.variables
     signals = specification_of(found.base, variables, found.widths)
     while typed is None:
@@ -318,18 +346,12 @@ def _confirmed(
             kept = {name: form for name, form in signals.signals.items() if name != error.key}
             signals = replace(signals, signals=kept)
     specification = signals
-    errors, short = [], set[str]()
-    filter_ = design.algorithm(design.model)
-    for on in checks:
-        simulation = simulate(design.model, filter_, typed, on.plots)
-        errors.append(float(np.nanmax(on.excess(simulation.exact.x))))
-        origins = typed.typed.graph.origins
-        short |= {signal_of(origins[k]).name for k, n in simulation.trace.violations.items() if n}
-        if simulation.stimulus.clipped:
-            short |= {v.name for v in variables if v.name[0] in "zu"}
-    names = {v.name for v in variables if v.signal}
-    if short or max(errors) > tolerance:
-        return None, short & names
+    simulations = [simulate(design.model, design.algorithm(design.model), typed, on.plots) for on in checks]
+    errors = [float(np.nanmax(on.excess(each.exact.x))) for on, each in zip(checks, simulations, strict=True)]
+    worst = checks[0].worst(simulations[0].exact.x, _WORST)
+    clamped = any(each.saturations or each.stimulus.clipped for each in simulations)
+    if clamped or not max(errors) <= tolerance:
+        return None, worst
     point = evaluator.points([found.widths])[0]
     uniform = np.full(len(variables), found.uniform, np.int64)
     every = evaluator.known.values()
@@ -346,7 +368,7 @@ def _confirmed(
             front=front_of([*every]),
             candidates=len(evaluator.known),
         ),
-        set(),
+        worst,
     )
 
 

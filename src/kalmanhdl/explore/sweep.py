@@ -12,7 +12,7 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
 from kalmanhdl.explore.format_engine import FormatEngine, Run, known_clamped
 from kalmanhdl.explore.program import Program, program_of
-from kalmanhdl.explore.tracks import Judged, drawn_plots, drive_of, judged
+from kalmanhdl.explore.tracks import Judged, drawn_plots, drive_of, judged, usual_steps
 from kalmanhdl.numerics.integers import in_reals
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification, Form
 from kalmanhdl.simulate.data import Plots
@@ -21,7 +21,7 @@ from kalmanhdl.validation import InvalidValueError, nearest, shown
 
 Progress = Callable[[str], None]
 
-STEPS, TRACKS = 200, 64
+TRACKS = 64
 
 
 class Split(Enum):
@@ -62,7 +62,7 @@ def sweep(
     bound: float = 1.0,
     data: Plots | None = None,
     seed: int = 1,
-    steps: int = STEPS,
+    steps: int | None = None,
     tracks: int = TRACKS,
     progress: Progress = lambda _: None,
 ) -> tuple[Row, ...]:
@@ -77,6 +77,7 @@ def sweep(
     found: list[Row] = []
     asked = tuple(widths)
     base = design.fixed_point
+    steps = steps or usual_steps(design.model)
     plots = data or drawn_plots(design.model, base.coast, steps, tracks, seed)
     for algorithm in _algorithms(design, algorithms):
         progress(f"{algorithm.kind}: {len(asked)} word lengths")
@@ -135,9 +136,8 @@ def _algorithms(design: Design, kinds: Iterable[str]) -> list[Algorithm]:
     found: list[Algorithm] = []
     for kind in kinds:
         if kind not in ALGORITHMS:
-            raise InvalidValueError(
-                "algorithm", "kind", f" = {kind!r} is unknown: {nearest(kind, ALGORITHMS)}"
-            )
+            hint = nearest(kind, ALGORITHMS)
+            raise InvalidValueError("algorithm", "kind", f" = {shown(kind)} is unknown: {hint}")
         found.append(design.algorithm if kind == design.algorithm.kind else ALGORITHMS[kind]())
     for algorithm in found:
         # Says so where the algorithm does not suit the model.

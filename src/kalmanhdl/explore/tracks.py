@@ -18,6 +18,8 @@ from kalmanhdl.simulate.reference import reference
 
 Array = NDArray[np.float64]
 
+_STEPS = 200
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judged:
@@ -47,6 +49,17 @@ class Judged:
             return apart
         direct = rmse(seen, self.plots.truth) / self.spread - 1.0
         return np.fmax(apart, direct)
+
+    def worst(self, x: Array, count: int) -> Plots:
+        """The tracks on which x (steps, tracks, n) comes furthest from the reference."""
+        far = np.where(self.valid[..., None], np.abs(x - self.reference) / self.spread, 0.0)
+        order = np.argsort(-np.nan_to_num(far, nan=np.inf).max(axis=(0, 2)), kind="stable")
+        return _only(self.plots, np.sort(order[:count]))
+
+
+def usual_steps(model: Model) -> int:
+    """How long tracks are: 200 steps; as long as those that ranges rest on where none are declared."""
+    return ranges.STEPS if model.measurement_range is None else _STEPS
 
 
 def drawn_plots(model: Model, coast: int, steps: int, tracks: int, seed: int) -> Plots:
@@ -114,12 +127,26 @@ def split(plots: Plots) -> tuple[Plots, Plots]:
     if tracks == 1:
         first = np.arange(len(plots.z))[:, None] < len(plots.z) // 2
         return replace(plots, active=plots.active & first), plots
-    return _only(plots, slice(0, tracks, 2)), _only(plots, slice(1, tracks, 2))
+    return _only(plots, np.arange(0, tracks, 2)), _only(plots, np.arange(1, tracks, 2))
 
 
-def _only(plots: Plots, chosen: slice) -> Plots:
+def joined(a: Plots, b: Plots) -> Plots:
+    """Drawn tracks of as many steps side by side."""
+    assert a.truth is not None
+    assert b.truth is not None
     return Plots(
-        tracks=plots.tracks[chosen],
+        tracks=(*a.tracks, *b.tracks),
+        z=np.concatenate([a.z, b.z], axis=1),
+        u=np.concatenate([a.u, b.u], axis=1),
+        active=np.concatenate([a.active, b.active], axis=1),
+        time=None,
+        truth=np.concatenate([a.truth, b.truth], axis=1),
+    )
+
+
+def _only(plots: Plots, chosen: NDArray[np.int64]) -> Plots:
+    return Plots(
+        tracks=tuple(plots.tracks[k] for k in chosen),
         z=plots.z[:, chosen],
         u=plots.u[:, chosen],
         active=plots.active[:, chosen],

@@ -20,13 +20,13 @@ from kalmanhdl.simulate.side_by_side import Simulation
 
 _ELLIPSES = 30
 _POINTS = 20_000
-_INK = "#4a525b"
+INK = "#4a525b"
 
 
 def save_track(record: Record, simulation: Simulation, path: Path) -> None:
     """The featured track with ellipses of 95 %; the suffix of the path chooses PNG or SVG."""
     shown = plane(record.hardware.design.model)
-    figure, axes = _axes(8.0, 5.0)
+    figure, axes = new_axes(8.0, 5.0)
     track = featured(simulation)
     if shown.kind is Kind.TIME:
         _draw_over_time(axes, record, simulation, shown, track)
@@ -34,9 +34,9 @@ def save_track(record: Record, simulation: Simulation, path: Path) -> None:
         _draw_on_plane(axes, record, simulation, shown, track)
     axes.set_xlabel(shown.labels[0])
     axes.set_ylabel(shown.labels[1])
-    axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
-    axes.set_title(f"{record.hardware.design.name}, track {simulation.plots.tracks[track]}", **_TITLE)
-    _save(figure, path)
+    axes.legend(frameon=False, fontsize=9, labelcolor=INK)
+    axes.set_title(f"{record.hardware.design.name}, track {simulation.plots.tracks[track]}", **TITLE)
+    save(figure, path)
 
 
 def save_schedule(summary: Summary, name: str, path: Path) -> None:
@@ -44,7 +44,7 @@ def save_schedule(summary: Summary, name: str, path: Path) -> None:
     bars = lanes(summary.rows)
     groups = list(dict.fromkeys(bar.group for bar in bars))
     count = 1 + max((bar.lane for bar in bars), default=0)
-    figure, axes = _axes(9.0, min(9.0, 1.6 + 0.075 * count))
+    figure, axes = new_axes(9.0, min(9.0, 1.6 + 0.075 * count))
     for k, group in enumerate(groups):
         boxes = [
             [(b.left + 0.04, b.lane + 0.08), (b.right - 0.04, b.lane + 0.08),
@@ -58,14 +58,14 @@ def save_schedule(summary: Summary, name: str, path: Path) -> None:
     axes.set_xlabel("clock cycle")
     axes.xaxis.get_major_locator().set_params(integer=True)
     patches = [Patch(color=SERIES[k % len(SERIES)], label=group) for k, group in enumerate(groups)]
-    axes.legend(handles=patches, frameon=False, fontsize=8, labelcolor=_INK, ncols=4,
+    axes.legend(handles=patches, frameon=False, fontsize=8, labelcolor=INK, ncols=4,
                 loc="lower left", bbox_to_anchor=(0, 1.0))  # fmt: skip
     title = f"{name}: one step in {summary.latency_cycles} clock cycles"
-    figure.suptitle(title, fontsize=11, color=_INK, x=0.01, ha="left")
-    _save(figure, path)
+    figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
+    save(figure, path)
 
 
-_TITLE: dict[str, Any] = {"fontsize": 11, "color": _INK, "loc": "left"}
+TITLE: dict[str, Any] = {"fontsize": 11, "color": INK, "loc": "left"}
 
 
 def _draw_on_plane(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
@@ -99,20 +99,22 @@ def _draw_over_time(axes: Any, record: Record, simulation: Simulation, shown: Pl
     axes.plot(step, x, color=BLUE, label="estimate, bit-exact")
 
 
-def _axes(width: float, height: float) -> tuple[Figure, Any]:
+def new_axes(width: float, height: float) -> tuple[Figure, Any]:
+    """An empty figure in the look of all pictures; sizes in inches."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e3e6ea", linewidth=0.8)
     axes.set_axisbelow(True)
-    axes.tick_params(colors=_INK, labelsize=9)
+    axes.tick_params(colors=INK, labelsize=9)
     for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set(color=_INK, fontsize=10)
+        label.set(color=INK, fontsize=10)
     return figure, axes
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the suffix of the path chooses PNG or SVG."""
     # No date and no random names, so that equal builds give equal files.
     with mpl.rc_context({"svg.hashsalt": "kalmanhdl"}):
         figure.savefig(path, dpi=130, metadata={"Date": None} if path.suffix == ".svg" else None)
