@@ -19,7 +19,7 @@ from random_designs import random_design
 def _one(seed: int, steps: int, states: int, measurements: int) -> tuple[int, str, int, str]:
     """Build and verify one design: its seed, what it is, compared bits, and what went wrong.
 
-    Formats drawn at random need not hold the model's own numbers; such a design is refused, and compares none.
+    Formats drawn at random need not hold the model's own numbers: such a design is refused.
     """
     design = random_design(seed, states, measurements)
     shape = f"n={design.model.n} m={design.model.m} {design.algorithm.kind}"
