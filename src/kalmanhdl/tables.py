@@ -18,7 +18,7 @@ from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth
 from kalmanhdl.report.document import document, operation_counts
-from kalmanhdl.report.formats import formats
+from kalmanhdl.report.formats import basis, formats
 from kalmanhdl.report.record import Record
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.summary import Summary, summarise
@@ -152,7 +152,7 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
             f"{summary.register_bits} bits between, {summary.operator_register_bits} inside operators",
         ),
     ]
-    return "\n\n".join((_aligned(head), _formats(numbers), _chart(summary)))
+    return "\n\n".join((_aligned(head), _formats(design, numbers), _chart(summary)))
 
 
 def float_tables(design: Design, numbers: FloatNumbers) -> str:
@@ -181,12 +181,18 @@ def _decimal(value: Fraction) -> str:
     return f"{float(scaled):.4g}e{exponent:+03d}"
 
 
-def _formats(numbers: Numbers) -> str:
-    rows = [("signal", "role", "format", "last bit", "lowest", "highest")]
+def _formats(design: Design, numbers: Numbers) -> str:
+    """Formats, a line each: what their bits above the binary point rest on, and whether they always do."""
+    rows: list[Sequence[str]] = [
+        ("signal", "role", "format", "last bit", "lowest", "highest", "range by", "overflow")
+    ]
     for row in formats(numbers.typed, None):
         form = f"{'' if row['signed'] else 'u'}fixed({row['width']}, fraction={row['fraction']})"
         limits = (row["resolution"], row["lowest"], row["highest"])
-        rows.append((row["signal"], row["role"], form, *("" if v is None else _figure(v) for v in limits)))
+        overflow = "clamped" if row["role"] == "input" else "never" if row["proven"] else "flagged"
+        ends = (basis(row, design.fixed_point, design.model), overflow)
+        shown = ("" if v is None else _figure(v) for v in limits)
+        rows.append((row["signal"], row["role"], form, *shown, *ends))
     return _aligned(rows)
 
 

@@ -2,8 +2,11 @@
 
 from typing import Any
 
-from kalmanhdl.graph.operations import Input, Quantise
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import Input, Quantise, Select, State
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.signals import signal_of
+from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.simulate.engine import Trace
 
@@ -13,7 +16,8 @@ def formats(typed: TypedGraph, trace: Trace | None) -> list[dict[str, Any]]:
 
     ``unit`` is the real value of one unit of the hardware, so that the last bit is ``resolution`` in the
     model's units; both are None for values on the way. ``used_bits`` is what the data of a
-    simulation needed of ``width``.
+    simulation needed of ``width``. ``proven`` tells that no input within its format makes the value leave
+    its own, by interval analysis.
     """
     rows: list[dict[str, Any]] = []
     known: set[int] = set()
@@ -27,6 +31,16 @@ def formats(typed: TypedGraph, trace: Trace | None) -> list[dict[str, Any]]:
             name = signal_of(typed.graph.origins[index]).name
             rows.append(_row(typed, trace, "inner", name, index))
     return rows
+
+
+def basis(row: dict[str, Any], specification: FixedSpecification, model: Model) -> str:
+    """What the bits above the binary point of a row of ``formats`` rest on."""
+    if isinstance(specification.form(row["class"], row["signal"]), Fixed):
+        return "the design"
+    if row["exact"]:
+        return "its operands"
+    declared = model.measurement_range is not None
+    return "declared range" if declared and row["class"] == "measurement" else "simulated tracks"
 
 
 def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
@@ -81,5 +95,15 @@ def _row(typed: TypedGraph, trace: Trace | None, role: str, name: str, index: in
         "resolution": None if unit is None else float(form.resolution) * unit,
         "lowest": None if unit is None else float(form.real(form.lowest)) * unit,
         "highest": None if unit is None else float(form.real(form.highest)) * unit,
+        "exact": not isinstance(typed.graph.operations[index], Input | State | Quantise | Select),
+        "proven": not _can_leave(typed, index),
         "used_bits": used + form.signed if seen else None,
     }
+
+
+def _can_leave(typed: TypedGraph, index: int) -> bool:
+    """Whether a value, or one that it is chosen from, is among those that can leave their format."""
+    operation = typed.graph.operations[index]
+    if isinstance(operation, Select):
+        return _can_leave(typed, operation.a) or _can_leave(typed, operation.b)
+    return any(violation.quantise == index for violation in typed.violations)
