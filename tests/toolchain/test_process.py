@@ -19,6 +19,15 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
+def ended(pid: int) -> bool:
+    """Whether a process that was killed is gone; to be told takes it a moment."""
+    for _ in range(500):
+        if not alive(pid):
+            return True
+        time.sleep(0.02)
+    return False
+
+
 def wait_for(path: Path) -> str:
     for _ in range(500):
         if path.exists() and path.read_text():
@@ -93,7 +102,7 @@ def test_the_first_failure_kills_the_other_jobs(own_cache, fake_tool, tmp_path):
         jobs.append(Job(tool=tool, arguments=(), folder=tmp_path / name))
     with pytest.raises(ToolError, match="ERROR: no"):
         run_all(jobs, parallel=2)
-    assert not alive(int(wait_for(tmp_path / "a/pid")))
+    assert ended(int(wait_for(tmp_path / "a/pid")))
 
 
 def test_ctrl_c_kills_the_tool_and_its_children_and_leaves_no_folder(own_cache, fake_tool, tmp_path):
@@ -115,5 +124,5 @@ def test_ctrl_c_kills_the_tool_and_its_children_and_leaves_no_folder(own_cache, 
     pid = int(wait_for(note))
     parent.send_signal(signal.SIGINT)
     assert parent.wait(20) != 0
-    assert not alive(pid)
+    assert ended(pid)
     assert list((tmp_path / "temporary").iterdir()) == []
