@@ -48,7 +48,10 @@ _LEAST, _MOST = 3, 44
 _MARGIN = 0.8
 _ATTEMPTS = 6
 _EXCHANGES = 12
+# Candidates after which nothing further is exchanged, so that large filters end within two minutes.
+_BUDGET = 4000
 _CONSTANT_STEP = 6
+_LEAST_SHARE = 1 / 16
 # Tracks on which a choice failed that join those of the search.
 _WORST = 16
 _WIDE = 16
@@ -194,8 +197,8 @@ def search(
         )
         extra: dict[str, int] = {}
         target = tolerance * _MARGIN
+        found = _searched(evaluator, program, extra, target, progress)
         for attempt in range(_ATTEMPTS):
-            found = _searched(evaluator, program, extra, target, progress)
             progress("confirming with the bit-exact engine on tracks that were not seen")
             result, failed = _confirmed(design, found, checks, tolerance, evaluator)
             if result is not None:
@@ -206,6 +209,7 @@ def search(
             fresh = drawn_plots(design.model, base.coast, steps, 2 * tracks, seed + 3 + attempt)
             checks[0] = judged(design.model, filter_, fresh)
             target *= 0.85
+            found = _again(evaluator, program, extra, found, target, progress)
     raise FormatError(f"{design.name}: formats that hold on tracks not seen were not found: allow more error")
 
 
@@ -225,15 +229,38 @@ def _searched(
     progress("finding the best uniform word length")
     uniform = _best_uniform(evaluator, target)
     evaluator.use(replace(evaluator.base, width=uniform), _constant_width(evaluator.base))
-    widths = np.full(len(evaluator.variables), uniform, np.int64)
-    while evaluator.points([widths])[0].error > target:
-        widths = widths + 1
+    widths = _widened(evaluator, np.full(len(evaluator.variables), uniform, np.int64), target)
     widths = _descended(evaluator, widths, target, progress)
     best = _exchanged(evaluator, widths, target, progress)
     # The front beyond the tolerance: what fewer bits would cost.
     for more in (2.0, 4.0):
+        if len(evaluator.known) > _BUDGET:
+            break
         widths = _descended(evaluator, widths, target * more, progress)
     return _Descent(variables=evaluator.variables, base=evaluator.base, widths=best, uniform=uniform)
+
+
+def _again(
+    evaluator: _Evaluator,
+    program: Program,
+    extra: dict[str, int],
+    found: _Descent,
+    target: float,
+    progress: Progress,
+) -> _Descent:
+    """A choice that did not hold, with more bits everywhere, and the descent from there."""
+    _fit_ranges(evaluator, program, extra)
+    widths = _widened(evaluator, found.widths + 1, target)
+    widths = _descended(evaluator, widths, target, progress)
+    return replace(found, variables=evaluator.variables, widths=widths)
+
+
+def _widened(evaluator: _Evaluator, widths: Widths, target: float) -> Widths:
+    while evaluator.points([widths])[0].error > target:
+        if widths.max() > 2 * _MOST:
+            raise FormatError("these tracks meet the tolerance at no word length: allow more error")
+        widths = widths + 1
+    return widths
 
 
 def _fit_ranges(evaluator: _Evaluator, program: Program, extra: dict[str, int]) -> None:
@@ -296,7 +323,8 @@ def _descended(evaluator: _Evaluator, widths: Widths, target: float, progress: P
             if taken == 1 or evaluator.points([joint])[0].error <= target:
                 break
             taken = max(1, taken // 2)
-        share = min(share, taken / len(ranked))
+        # Not too small, as long as all signals together have bits to spare.
+        share = min(share, max(taken / len(ranked), _LEAST_SHARE))
         widths = joint
 
 
@@ -304,6 +332,8 @@ def _exchanged(evaluator: _Evaluator, widths: Widths, target: float, progress: P
     """A bit given where it lowers the error most, and bits taken elsewhere for it, while that pays."""
     best, point = widths, evaluator.points([widths])[0]
     for _ in range(_EXCHANGES):
+        if len(evaluator.known) > _BUDGET:
+            return best
         given = [_changed(best, k, 1) for k in range(len(best))]
         errors = [each.error for each in evaluator.points(given)]
         order = sorted(range(len(given)), key=lambda k: (errors[k], k))

@@ -1,0 +1,54 @@
+"""Formats that a search chooses hold on tracks it has not seen, and cost less than uniform words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kalmanhdl.design import Design
+from kalmanhdl.design_file import loads
+from kalmanhdl.design_file.writer import dumps
+from kalmanhdl.explore.choice import place_forms, specification_of, variables_of
+from kalmanhdl.explore.format_engine import FormatEngine
+from kalmanhdl.explore.program import program_of
+from kalmanhdl.explore.search import Point, front_of, search
+from kalmanhdl.explore.tracks import drawn_plots, judged
+from kalmanhdl.numerics.integers import in_reals, numbers
+from kalmanhdl.simulate.side_by_side import simulate
+
+LEE = Design.load("designs/lee1997.toml")
+
+
+def test_the_front_has_no_point_that_another_beats():
+    random = np.random.default_rng(1)
+    points = [Point(bits=1, cost=float(c), error=float(e)) for c, e in random.integers(1, 20, (200, 2))]
+    front = front_of([*points, Point(bits=1, cost=0.0, error=float("inf"))])
+    assert all(any(q.cost <= p.cost and q.error <= p.error for q in front) for p in points)
+    assert not any(p != q and p.cost <= q.cost and p.error <= q.error for p in front for q in front)
+
+
+def test_formats_placed_are_those_of_the_specification_written():
+    reals = in_reals(LEE.model, LEE.algorithm, LEE.numerics)
+    program = program_of(reals.graph, reals.ranges)
+    variables = variables_of(program, {"x[0]": 2})
+    widths = np.random.default_rng(2).integers(4, 24, len(variables))
+    engine = FormatEngine.of(program, LEE.numerics)
+    written = engine.forms(specification_of(LEE.numerics, variables, widths))
+    np.testing.assert_array_equal(
+        place_forms(engine.forms(LEE.numerics), program, variables, widths), written
+    )
+
+
+@pytest.mark.slow
+def test_chosen_formats_hold_on_other_tracks_and_load_again():
+    found = search(LEE, tolerance=0.02, tracks=32)
+    assert found.point.bits < 0.8 * found.uniform_point.bits
+    assert found.unseen <= 0.02
+    design = loads(dumps(replace(LEE, numerics=found.specification)))
+    typed = numbers(design.model, design.algorithm, design.numerics)
+    on = judged(design.model, design.algorithm(design.model), drawn_plots(design.model, 5, 200, 64, 999))
+    simulation = simulate(design.model, design.algorithm(design.model), typed, on.plots)
+    assert simulation.saturations == 0
+    assert np.max(on.excess(simulation.exact.x)) < 0.03
+    again = search(LEE, tolerance=0.02, tracks=32, workers=1)
+    np.testing.assert_array_equal(again.widths, found.widths)
