@@ -101,16 +101,23 @@ def _draw_over_time(axes: Any, record: Record, simulation: Simulation, shown: Pl
 
 def new_axes(width: float, height: float) -> tuple[Figure, Any]:
     """An empty figure in the look of all pictures; sizes in inches."""
+    figure, (axes,) = new_panels(width, height, 1)
+    return figure, axes
+
+
+def new_panels(width: float, height: float, count: int) -> tuple[Figure, list[Any]]:
+    """As ``new_axes``, with several panels below each other over one horizontal axis."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e3e6ea", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, labelsize=9)
-    for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set(color=INK, fontsize=10)
-    return figure, axes
+    panels = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
+    for axes in panels:
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color="#e3e6ea", linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.tick_params(colors=INK, labelsize=9)
+        for label in (axes.xaxis.label, axes.yaxis.label):
+            label.set(color=INK, fontsize=10)
+    return figure, panels
 
 
 def save(figure: Figure, path: Path) -> None:
