@@ -384,6 +384,32 @@ def _widths(text: str) -> range:
     raise typer.BadParameter(problem, param_hint="--widths")
 
 
+@app.command()
+@reported
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="kumar2014, liu2007 or wu2012.")],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="A folder to make, for pictures.")] = None,
+    force: _Force = False,
+) -> None:
+    """Run a paper's experiment again: its printed figures beside those of the run."""
+    from kalmanhdl.output import check_folder, new_folder
+    from kalmanhdl.report.chart import save_chart
+    from kalmanhdl.reproduce.papers import reproduce as run
+    from kalmanhdl.tables import reproduction_table
+
+    if out is not None:
+        check_folder(out, force=force)
+    with Progress() as progress:
+        found = run(paper, progress)
+    typer.echo(reproduction_table(found))
+    if out is not None:
+        with new_folder(out, force=force) as folder:
+            (folder / "figures.txt").write_text(f"{reproduction_table(found)}\n", encoding="utf-8")
+            for name, chart in found.charts.items():
+                save_chart(chart, folder / f"{name}.png")
+        typer.echo(f"pictures: {out}")
+
+
 def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:
     from kalmanhdl.build import blamed_on, verilog_path
 

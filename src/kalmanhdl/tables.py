@@ -20,6 +20,7 @@ from kalmanhdl.report.accuracy import against_truth
 from kalmanhdl.report.document import document, operation_counts
 from kalmanhdl.report.formats import basis, formats
 from kalmanhdl.report.record import Record
+from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.summary import Summary, summarise
 from kalmanhdl.simulate.metrics import rmse
@@ -132,6 +133,12 @@ def implementation_table(plan: Plan, implemented: Implemented) -> str:
         rows.append((str(one.seed), f"{one.fmax_mhz:.2f}", f"{rate:.2f}", f"{step:.2f}", *map(str, cells)))
     best = implemented.best
     return f"{best.device} grade {best.grade}, {best.tool}\n{_aligned(rows)}"
+
+
+def reproduction_table(found: Reproduction) -> str:
+    """A paper's figures and those of the run, and what they rest on."""
+    notes = "\n".join(f"- {note}" for note in found.notes)
+    return f"{found.title}\n\n{_aligned([found.columns, *found.rows])}\n\n{notes}"
 
 
 def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
