@@ -32,6 +32,7 @@ from kalmanhdl.explore.tracks import (
 )
 from kalmanhdl.numerics.integers import in_reals, in_units, numbers
 from kalmanhdl.numerics.ranges import Ranges, observed
+from kalmanhdl.numerics.signals import signal_of
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.side_by_side import simulate
@@ -200,7 +201,7 @@ def search(
         found = _searched(evaluator, program, extra, target, progress)
         for attempt in range(_ATTEMPTS):
             progress("confirming with the bit-exact engine on tracks that were not seen")
-            result, failed = _confirmed(design, found, checks, tolerance, evaluator)
+            result, failed, error = _confirmed(design, found, checks, tolerance, evaluator)
             if result is not None:
                 return result
             # The tracks on which it failed are seen from now on, and others take their place.
@@ -208,7 +209,8 @@ def search(
             evaluator.sets = tuple((each, drive_of(program, reals.scaling, each)) for each in sets)
             fresh = drawn_plots(design.model, base.coast, steps, 2 * tracks, seed + 3 + attempt)
             checks[0] = judged(design.model, filter_, fresh)
-            target *= 0.85
+            # By how much it failed, with a margin, within reason where a filter broke down.
+            target *= min(0.85, max(0.9 * tolerance / error, 0.25)) if error > 0 else 0.85
             found = _again(evaluator, program, extra, found, target, progress)
     raise FormatError(f"{design.name}: formats that hold on tracks not seen were not found: allow more error")
 
@@ -361,8 +363,8 @@ def _confirmed(
     checks: list[Judged],
     tolerance: float,
     evaluator: _Evaluator,
-) -> tuple[Found | None, Plots]:
-    """The result where the bit-exact engine agrees; and the tracks, of those drawn, that are worst."""
+) -> tuple[Found | None, Plots, float]:
+    """The result where the bit-exact engine agrees; the tracks drawn that are worst; and the error."""
     typed = None
     variables = found.variables
     signals = specification_of(found.base, variables, found.widths)
@@ -379,9 +381,17 @@ def _confirmed(
     simulations = [simulate(design.model, design.algorithm(design.model), typed, on.plots) for on in checks]
     errors = [float(np.nanmax(on.excess(each.exact.x))) for on, each in zip(checks, simulations, strict=True)]
     worst = checks[0].worst(simulations[0].exact.x, _WORST)
-    clamped = any(each.saturations or each.stimulus.clipped for each in simulations)
+    program, origins = evaluator.engine.program, typed.typed.graph.origins
+    steering = {program.slots[k].name for k in program.steering}
+    monitors = {slot.name for slot in program.slots} - steering
+    # What only innovations and NIS rest on has the design's own formats.
+    clamped = any(each.stimulus.clipped for each in simulations) or any(
+        count and signal_of(origins[k]).name not in monitors
+        for each in simulations
+        for k, count in each.trace.violations.items()
+    )
     if clamped or not max(errors) <= tolerance:
-        return None, worst
+        return None, worst, max(errors)
     point = evaluator.points([found.widths])[0]
     uniform = np.full(len(variables), found.uniform, np.int64)
     every = evaluator.known.values()
@@ -399,6 +409,7 @@ def _confirmed(
             candidates=len(evaluator.known),
         ),
         worst,
+        max(errors),
     )
 
 
