@@ -11,7 +11,7 @@ from kalmanhdl.algorithm import Converted
 from kalmanhdl.design import Design
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.model.conversion import conversion, measured
-from kalmanhdl.reproduce.wu2012 import denoise, figures, paper_model, paper_target
+from kalmanhdl.reproduce.wu2012 import denoise, figures, paper_model, paper_target, reproduction
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.data import read_plots
 from kalmanhdl.simulate.reference import reference
@@ -35,22 +35,39 @@ def test_the_target_is_the_papers():
 
 
 def test_three_frames_start_the_filter_and_it_denoises_all_three_axes():
-    found = figures(frames=600)
-    for denoised in (found.paper, found.better):
+    model, target = paper_model(), paper_target(600)
+    paper, better = (denoise(model, target, each) for each in (Converted(), Converted(at="better")))
+    for denoised in (paper, better):
         assert np.isnan(denoised.estimates[:2]).all()
         assert np.isfinite(denoised.estimates[2:]).all()
     # Along the line of sight the paper's R, correlated with the noise of its plot, leaves a bias.
-    assert (found.paper.error[1:] < found.paper.plot_error[1:] / 3).all()
-    assert found.paper.error[0] < found.paper.plot_error[0] / 1.2
-    assert (found.better.error < found.better.plot_error / 3).all()
+    assert (paper.error[1:] < paper.plot_error[1:] / 3).all()
+    assert paper.error[0] < paper.plot_error[0] / 1.2
+    assert (better.error < better.plot_error / 3).all()
+
+
+@pytest.mark.slow
+def test_single_precision_agrees_with_double():
+    found = figures(frames=600)
+    assert found.single.unbounded == 0
+    # Beside what the plots are uncertain by; not equal, or it would be no single precision.
+    assert (found.single.apart < found.paper.plot_error / 20).all()
+    assert (found.single.apart > 0).all()
+    np.testing.assert_allclose(found.single.error, found.paper.error, rtol=0.02)
+    handed = reproduction(found)
+    assert {len(row) for row in handed.rows} == {len(handed.columns)}
+    assert set(handed.charts) == {"position", "error"}
 
 
 @pytest.mark.slow
 def test_the_papers_filter_is_biased_along_the_line_of_sight_and_the_better_one_is_not():
-    found = figures(tracks=20)
-    assert found.paper.bias[0] > 3 * found.paper.expected[0]
-    assert abs(found.better.bias[0]) < 0.3 * found.better.expected[0]
-    assert found.better.error[0] < 1.1 * found.better.expected[0]
+    model, target = paper_model(), paper_target()
+    paper, better = (
+        denoise(model, target, each, tracks=20) for each in (Converted(), Converted(at="better"))
+    )
+    assert paper.bias[0] > 3 * paper.expected[0]
+    assert abs(better.bias[0]) < 0.3 * better.expected[0]
+    assert better.error[0] < 1.1 * better.expected[0]
 
 
 def test_the_uavs_track_is_denoised_in_all_three_axes():
