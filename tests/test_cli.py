@@ -293,3 +293,18 @@ def test_hardware_of_floating_point_is_refused_before_any_work(floating, words, 
     line = floating.read_text().splitlines().index('kind = "float"') + 1
     expected = f'{floating}, line {line}: [numerics] kind = "float": floating-point hardware is not there yet'
     assert expected in done.stderr
+
+
+def test_reproduce_prints_a_papers_figures_and_draws_pictures(tmp_path):
+    place = tmp_path / "kumar2014"
+    done = run("reproduce", "kumar2014", "--out", str(place))
+    assert done.exit_code == 0, done.output
+    assert "17.216522216" in done.stdout
+    assert (place / "figures.txt").read_text() in done.stdout
+    assert (place / "settling.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_reproduce_names_the_papers_that_there_are():
+    done = run("reproduce", "kumar2015")
+    assert done.exit_code == 1
+    assert "kumar2014" in done.stderr
