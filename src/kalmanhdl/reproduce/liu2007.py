@@ -174,7 +174,7 @@ def _notes(found: Figures) -> tuple[str, ...]:
         f"The paper gives no model: here F = {data['F']}, H = {data['H']}, Q = {data['q']:g} I, "
         f"R = {data['r']:g} I, x0 = 0, P0 = {data['p']:g} I. "
         "Which word length an algorithm needs depends on that choice: of three models tried this one was "
-        "kept because it breaks where the paper's does; with H = I both of the paper's filters need the same.",
+        "kept because it breaks where the paper's does; with H = I both filters of the paper need 12 bits.",
         "Every number in one format, half of its bits for the fraction, scales 1. A word breaks where a "
         "value that matters saturates, or the root mean square error of a state is twice the float one.",
         f"Convergence to a constant state {data['constant']}, mean of {CONVERGENCE_TRACKS} runs: the error "
