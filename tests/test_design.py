@@ -80,3 +80,9 @@ def test_what_cannot_be_is_refused_with_table_key_and_value(make, message):
 def test_a_design_of_objects_needs_no_pydantic():
     code = "import sys, kalmanhdl.design; raise SystemExit('pydantic' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["clk", "rst", "in_valid", "out_x_0"])
+def test_a_design_is_not_named_like_a_port(name):
+    with pytest.raises(DesignError, match="a name of the hardware's ports"):
+        Design(name=name, model=MODEL)

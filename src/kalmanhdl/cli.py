@@ -141,6 +141,9 @@ def simulate(
                     estimates_csv(chosen.model, simulation), encoding="utf-8"
                 )
     typer.echo(accuracy_table(chosen.model, simulation))
+    if not simulation.valid.any():
+        points = chosen.model.initial.points
+        typer.echo(f"no track started: a start takes {points} complete rows in succession", err=True)
     if out is not None:
         typer.echo(f"estimates: {out / 'estimates.csv'}")
 

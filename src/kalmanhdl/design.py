@@ -90,6 +90,8 @@ class Design:
         problem = identifier_problem(self.name)
         if problem is None and self.name in VERILOG_WORDS:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
+        if problem is None and (self.name in ("clk", "rst") or self.name.startswith(("in_", "out_"))):
+            problem = f"{shown(self.name)} is a name of the hardware's ports: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")
         for key, kinds in _PARTS.items():

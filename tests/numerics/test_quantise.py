@@ -1,5 +1,6 @@
 """From reals to integers: what the formats promise."""
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -135,3 +136,9 @@ def test_a_measurement_that_is_missed_saturates_nothing():
     assert result.saturations == 0
     z[6:9, 0] = 0.0
     assert LEE.simulate(z).saturations > 0
+
+
+def test_a_start_fits_also_where_every_track_leaves_the_declared_ranges_at_once():
+    wild = replace(LEE.model, R=np.diag([1e13, 2.9e-4]))
+    found = numbers(wild, ALGORITHMS["conventional"](), LEE.numerics)
+    assert dict(found.typed.graph.states)

@@ -84,7 +84,7 @@ def load(path: str | Path, constants: Mapping[str, float | str] | None = None) -
     if len(content) > MAX_BYTES:
         raise DesignError(f"{name}: larger than {MAX_BYTES} bytes: a design file is a short text")
     try:
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise DesignError(f"{name}, line {line}: not UTF-8: save the file as UTF-8 text") from None

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
-from kalmanhdl.graph.operations import And, Flag, Graph, Not, Or, Select, operands
+from kalmanhdl.graph.operations import And, Constant, Flag, Graph, Not, Or, Select, State, operands
 from kalmanhdl.model.model import Model, root, within_turn
 
 Array = NDArray[np.float64]
@@ -104,8 +104,24 @@ def observed(graph: Graph, model: Model, plots: Plots) -> Ranges:
         if k >= points - 1:
             _widen(low, high, values, plots.relevant[k], starting if k < points else running)
         state = {name: np.broadcast_to(values[root], tracks) for name, root in graph.states}
+    _hold_starts(graph, low, high)
     known = np.isfinite(low) & np.isfinite(high)
     return Ranges(low=tuple(np.where(known, low, 0.0)), high=tuple(np.where(known, high, 0.0)))
+
+
+def _hold_starts(graph: Graph, low: Array, high: Array) -> None:
+    """A state holds the constants that it starts with, also where no track counts beyond its start."""
+    leaves = {op.name: k for k, op in enumerate(graph.operations) if isinstance(op, State)}
+    for name, index in graph.states:
+        leaf, stack = leaves.get(name), [index]
+        while leaf is not None and stack:
+            match graph.operations[stack.pop()]:
+                case Select(_, a, b):
+                    stack += [a, b]
+                case Constant(value):
+                    low[leaf], high[leaf] = min(low[leaf], float(value)), max(high[leaf], float(value))
+                case _:
+                    pass
 
 
 def _leaves(state: dict[str, Array], plots: Plots, k: int, initialise: bool) -> dict[str, Any]:

@@ -89,6 +89,8 @@ def plots_from_arrays(z: ArrayLike, model: Model, u: ArrayLike | None = None) ->
 
 def _cube(name: str, value: ArrayLike, last: int) -> Array:
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         result = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise DataError(f"{name} = {shown(value)} is no array of numbers") from None
