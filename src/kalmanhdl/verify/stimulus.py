@@ -17,7 +17,7 @@ from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.side_by_side import stimulus_of
 from kalmanhdl.toolchain.simulation import Stalls
-from kalmanhdl.verify.timing import held_back, on_the_way
+from kalmanhdl.verify.timing import held_back, in_full_flow, never_waits, on_the_way
 
 # Of random steps one in twenty starts its track anew and one in eight only predicts, some of these by the
 # fourth code; a component is missed one time in six.
@@ -193,6 +193,8 @@ class Section:
 # Sections that a reset ends in the middle, their steps, and how many of them come before one that fills the
 # hardware up; and the share of all steps that they may take.
 _SHORT, _SHORT_STEPS, _FILLING, _SHARE = 60, 30, 5, 2
+# Of the short sections, those at the full rate.
+_IN_TURN = 0.3
 
 
 def random_sections(plan: Plan, count: int, seed: int) -> tuple[Section, ...]:
@@ -220,6 +222,11 @@ def random_sections(plan: Plan, count: int, seed: int) -> tuple[Section, ...]:
 
 def _short(plan: Plan, random: np.random.Generator) -> Section:
     """Some steps, of all tracks or of two, the same in all such sections, that may meet before and after."""
+    if never_waits(plan) and random.random() < _IN_TURN:
+        # At the full rate every register holds a step when the reset comes.
+        left = int(random.integers(0, in_full_flow(plan), endpoint=True))
+        steps = random_steps(plan.typed, left + _SHORT_STEPS, plan.channels, _seed(random), in_turn=True)
+        return Section(steps=steps, left=left)
     source, sink = random.choice((0.0, *_STALLS), 2) if random.random() < 0.5 else (0.0, 0.0)
     stalls = Stalls(seed=_seed(random), source=float(source), sink=float(sink))
     left = int(random.integers(0, on_the_way(plan, steady=not source), endpoint=True))

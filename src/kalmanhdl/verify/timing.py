@@ -54,6 +54,11 @@ def on_the_way(plan: Plan, *, steady: bool) -> int:
     return 1 + (1 + steady if _waiting(plan) else 0) + started
 
 
+def in_full_flow(plan: Plan) -> int:
+    """How many results are on the way when tracks come in turn, and nobody pauses."""
+    return (_START + _results(plan) + _EXIT) // plan.interval
+
+
 def never_waits(plan: Plan) -> bool:
     """Whether no step waits for the one of its track before it, when tracks come in turn."""
     return plan.channels * plan.interval >= _slots(plan)
