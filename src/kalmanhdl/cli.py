@@ -10,6 +10,7 @@ import typer
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
 from kalmanhdl.errors import DesignError, OutputError
+from kalmanhdl.processor_commands import asm, disasm, execute
 from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
@@ -390,7 +391,7 @@ def _widths(text: str) -> range:
 @app.command()
 @reported
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="kumar2014, liu2007 or wu2012.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="bhatia2012, kumar2014, liu2007 or wu2012.")],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="A folder to make, for pictures.")] = None,
     force: _Force = False,
 ) -> None:
@@ -411,6 +412,11 @@ def reproduce(
             for name, chart in found.charts.items():
                 save_chart(chart, folder / f"{name}.png")
         typer.echo(f"pictures: {out}")
+
+
+app.command()(asm)
+app.command()(disasm)
+app.command("exec")(execute)
 
 
 def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:

@@ -6,6 +6,7 @@ KalmanhdlError
 ├── DataError           a table of measurements cannot be used
 ├── FormatError         a number does not fit the format that it was given
 ├── ScheduleError       no schedule satisfies the architecture asked for
+├── ProgramError        a program of the processor cannot be assembled, loaded or run
 ├── ToolError           an external tool is missing or failed
 ├── VerificationError   the Verilog and the bit-exact engine differ
 └── OutputError         a result cannot be written where it was asked for
@@ -34,6 +35,10 @@ class FormatError(KalmanhdlError):
 
 class ScheduleError(KalmanhdlError):
     """No schedule satisfies the architecture asked for."""
+
+
+class ProgramError(KalmanhdlError):
+    """A program of the processor cannot be assembled, loaded or run."""
 
 
 class ToolError(KalmanhdlError):

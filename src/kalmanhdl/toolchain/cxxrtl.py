@@ -96,12 +96,22 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
 
     Raises ToolError where a tool is missing or fails.
     """
+    harness = _beside("stream_harness.cc")
+    return compile_simulator(verilog, top, _ports_header(top, border), harness, optimised=optimised)
+
+
+def compile_simulator(verilog: str, top: str, ports: str, harness: str, *, optimised: bool = True) -> Path:
+    """Compile a Verilog design and a harness in C++ that drives it into a shared library; cached by content.
+
+    ``ports`` is what the harness includes as ports.h: the names that it uses, as ``mangled`` has them.
+
+    Raises ToolError where a tool is missing or fails.
+    """
     compiler = find_compiler()
-    ports = _ports_header(top, border)
-    harness, rewriting = (_beside(name) for name in ("stream_harness.cc", "histories.py"))
+    shared, rewriting = (_beside(name) for name in ("harness.h", "histories.py"))
     flags = (*_OPTIONS, *(_FAST + _FAST_LARGE if optimised else _QUICKLY_MADE))
     how = (version(YOSYS), *compiler.command, *flags, *_SPLIT, *map(repr, _FASTER), sys.platform)
-    parts = (*how, verilog, top, ports, harness, rewriting)
+    parts = (*how, verilog, top, ports, harness, shared, rewriting)
 
     def make(folder: Path) -> None:
         design = run_script(
@@ -113,7 +123,8 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
             fast = with_histories(design, set(_NAME.findall(ports)))
             for slow, faster in _FASTER:
                 fast = slow.sub(faster, fast)
-            for name, text in (("design.cc", fast), ("ports.h", ports), ("harness.cc", harness)):
+            sources = {"design.cc": fast, "ports.h": ports, "harness.cc": harness, "harness.h": shared}
+            for name, text in sources.items():
                 (work / name).write_text(text)
             speed = (_FAST_LARGE if len(fast) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
             run(compiler, (*_OPTIONS, *speed, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
@@ -143,8 +154,8 @@ def _ports_header(top: str, border: Border) -> str:
         "IN_READY": source.ready,
     }
     single |= {"OUT_VALID": sink.valid, "OUT_READY": sink.ready}
-    lines = [f"#define {word} {_mangle(name)}" for word, name in single.items()]
-    lines += [f"#define CLOCK_BEFORE prev_{_mangle(border.clock)}", f"#define TOP {_mangle(top)}"]
+    lines = [f"#define {word} {mangled(name)}" for word, name in single.items()]
+    lines += [f"#define CLOCK_BEFORE prev_{mangled(border.clock)}", f"#define TOP {mangled(top)}"]
     lines += [f"#define IN_WORDS {source.words}", f"#define OUT_WORDS {sink.words}"]
     lines += ["#define PUT_INPUTS(top, words)" + _calls("put", source.payload)]
     lines += ["#define GET_OUTPUTS(top, words)" + _calls("get", sink.payload)]
@@ -156,17 +167,17 @@ def _ports_header(top: str, border: Border) -> str:
 def _calls(function: str, ports: Sequence[tuple[str, int]]) -> str:
     calls, word = "", 0
     for name, width in ports:
-        calls += f" {function}<{width}>(top.{_mangle(name)}, words + {word});"
+        calls += f" {function}<{width}>(top.{mangled(name)}, words + {word});"
         word += -(-width // 64)
     return calls
 
 
 def _watch(number: int, watch: Watch) -> str:
     body = _calls("get", watch.wires)
-    return f" if (uint64_t *words = watched[{number}].next(bit(top.{_mangle(watch.enable)}))) {{{body} }}"
+    return f" if (uint64_t *words = watched[{number}].next(bit(top.{mangled(watch.enable)}))) {{{body} }}"
 
 
-def _mangle(name: str) -> str:
+def mangled(name: str) -> str:
     """The name that CXXRTL gives a Verilog name."""
     escaped = name.replace("_", "__")
     return "p_" + re.sub(r"[^A-Za-z0-9_]", lambda match: f"_{ord(match[0]):x}_", escaped)

@@ -1,0 +1,68 @@
+"""The processor's simulator against its Verilog: every instruction on random operands, and random programs.
+
+    python benchmarks/processor.py [--operands 100000] [--programs 10000]
+
+Each is shared out over cores of several word lengths, roundings and overflows.
+"""
+
+import argparse
+import random
+import sys
+import time
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "processor"))
+
+from conftest import CORES
+from random_programs import every_instruction, number, random_peripherals, random_program
+
+from kalmanhdl.processor.peripherals import BenchSink, BenchSource
+from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
+from kalmanhdl.processor.simulator import Machine
+from kalmanhdl.processor.verification import compare
+from kalmanhdl.processor.verilog import core_verilog
+
+SLICE = 2000
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--operands", type=int, default=100_000)
+    parser.add_argument("--programs", type=int, default=10_000)
+    asked = parser.parse_args()
+    share = len(CORES)
+    for index, (name, core) in enumerate(CORES.items()):
+        with RtlSimulation(core, core_verilog(core)) as rtl:
+            machine = Machine(core, BenchSource(()), BenchSink())
+            begin, rng = time.perf_counter(), random.Random(index)
+            operands = -(-asked.operands // share)
+            equal = on_operands(core, rtl, machine, rng, operands)
+            programs = -(-asked.programs // share)
+            equal += on_programs(core, rtl, machine, rng, programs)
+        seconds = time.perf_counter() - begin
+        print(
+            f"{name}: every instruction on {operands} operands, {programs} programs: {equal} values equal, "
+            f"0 mismatches, {seconds:.0f} s",
+            flush=True,
+        )
+
+
+def on_operands(core, rtl, machine, rng, count):
+    words, equal = every_instruction(core), 0
+    for first in range(0, count, SLICE):
+        sets = min(SLICE, count - first)
+        tokens = [number(rng, core) for _ in range(2 * core.elements * sets)]
+        equal += compare(core, rtl, machine, words, Peripherals(tokens=tokens), len(words) * sets)
+    return equal
+
+
+def on_programs(core, rtl, machine, rng, count):
+    equal = 0
+    for _ in range(count):
+        words = random_program(rng, core, rng.randint(2, 60))
+        equal += compare(core, rtl, machine, words, random_peripherals(rng, core, 20), rng.randint(20, 150))
+    return equal
+
+
+if __name__ == "__main__":
+    main()

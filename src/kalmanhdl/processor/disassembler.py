@@ -1,0 +1,44 @@
+"""The disassembler: any words become a source that assembles to the same words."""
+
+from kalmanhdl.errors import ProgramError
+from kalmanhdl.processor.assembler import RAW_WORD
+from kalmanhdl.processor.core import Core, checked
+from kalmanhdl.processor.instructions import Instruction, Kind, decode
+
+
+def disassemble(words: tuple[int, ...], core: Core) -> str:
+    """A source with a label at every target of a jump; what is no instruction of the core stays a word."""
+    instructions = [_instruction(word, core) for word in words]
+    targets = {
+        value
+        for instruction in instructions
+        if instruction is not None
+        for operand, value in zip(instruction.operation.operands, instruction.operands, strict=True)
+        if operand.kind is Kind.TARGET and value < len(words)
+    }
+    lines = [".text"]
+    for address, (word, instruction) in enumerate(zip(words, instructions, strict=True)):
+        label = f"L{address}:" if address in targets else ""
+        code = f"{RAW_WORD} 0x{word:08X}" if instruction is None else _text(instruction, targets)
+        lines.append(f"{label:<8}{code}".rstrip())
+    return "\n".join(lines) + "\n"
+
+
+def _instruction(word: int, core: Core) -> Instruction | None:
+    try:
+        return checked((word,), core)[0]
+    except ProgramError:
+        return None
+
+
+def text_of(word: int) -> str:
+    """One word as an instruction, without labels; Raises ProgramError where it is none."""
+    return _text(decode(word), set())
+
+
+def _text(instruction: Instruction, targets: set[int]) -> str:
+    operands = zip(instruction.operation.operands, instruction.operands, strict=True)
+    shown = [
+        f"L{value}" if o.kind is Kind.TARGET and value in targets else str(value) for o, value in operands
+    ]
+    return f"{instruction.opcode.name:<12}{' '.join(f'{operand:<7}' for operand in shown)}".rstrip()

@@ -1,0 +1,1 @@
+"""The processor in Amaranth: each unit of the paper a component under its own name."""

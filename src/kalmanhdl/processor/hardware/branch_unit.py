@@ -1,0 +1,62 @@
+"""The branch unit: the clock of the instruction, and which instruction is next."""
+
+from amaranth.hdl import Module, Mux, Signal
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
+
+
+class BranchUnit(wiring.Component):
+    """Counts the eight clocks of every instruction; the program counter moves at the end of the last one.
+
+    ``what_branch`` is the phase: first fetch, second fetch, execute, write back; ``second_clock`` says which
+    of its two clocks it is; ``last_clock`` is high in the eighth. ``input_ready`` and ``output_taken`` are
+    what the conditional jumps wait for: they are looked at in the seventh clock. Then ``pc_next`` addresses
+    the next word, which is there in the eighth.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        super().__init__(
+            {
+                "running": In(1),
+                "opcode": In(OPCODE_BITS),
+                "target": In(ARGUMENT_BITS),
+                "input_ready": In(1),
+                "output_taken": In(1),
+                "pc_current": Out(core.program_bits),
+                "pc_next": Out(core.program_bits),
+                "what_branch": Out(2),
+                "second_clock": Out(1),
+                "last_clock": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        clock = Signal(range(CLOCKS_PER_INSTRUCTION))
+        last = CLOCKS_PER_INSTRUCTION - 1
+        m.d.comb += [
+            self.what_branch.eq(clock >> 1),
+            self.second_clock.eq(clock[0]),
+            self.last_clock.eq(self.running & (clock == last)),
+        ]
+        m.d.sync += clock.eq(clock + self.running)
+        jumps = Signal()
+        with m.Switch(self.opcode):
+            with m.Case(Opcode.JUMP_U.value):
+                m.d.comb += jumps.eq(1)
+            with m.Case(Opcode.JUMP_DRDY.value):
+                m.d.comb += jumps.eq(~self.input_ready)
+            with m.Case(Opcode.JUMP_ACK.value):
+                m.d.comb += jumps.eq(~self.output_taken)
+        following = Signal.like(self.pc_current)
+        with m.If(self.running):
+            m.d.comb += self.pc_next.eq(Mux(jumps, self.target, self.pc_current + 1))
+        with m.If(clock == last - 1):
+            m.d.sync += following.eq(self.pc_next)
+        with m.If(self.last_clock):
+            m.d.sync += self.pc_current.eq(following)
+        return m

@@ -1,0 +1,142 @@
+"""The commands of the programmable processor: parse, call, print."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kalmanhdl.console import reported
+from kalmanhdl.errors import OutputError, ProgramError
+
+if TYPE_CHECKING:
+    from kalmanhdl.processor.core import Core
+    from kalmanhdl.processor.program import Program
+    from kalmanhdl.processor.simulator import Machine, Retired
+
+_MOST = 1_000_000_000
+_Program = Annotated[
+    Path, typer.Argument(metavar="PROGRAM", help="A source, or an image where the name ends in .hex.")
+]
+_Width = Annotated[int, typer.Option(help="Bits of a number, 8 to 32.")]
+_Fraction = Annotated[int, typer.Option(help="Bits of a number behind the point.")]
+_Rounding = Annotated[str, typer.Option(help="floor, half_up, half_even or toward_zero.")]
+_Overflow = Annotated[str, typer.Option(help="wrap or saturate.")]
+_Out = Annotated[Path | None, typer.Option(metavar="FILE", help="A file to write.  [default: print it]")]
+_Force = Annotated[bool, typer.Option("--force", help="Replace the file.")]
+
+
+@reported
+def asm(
+    program: _Program,
+    out: _Out = None,
+    listing: Annotated[
+        bool, typer.Option("--listing", help="Addresses, words and source side by side.")
+    ] = False,
+    force: _Force = False,
+) -> None:
+    """Assemble a program for the processor: its image, a word in hexadecimal a line."""
+    from kalmanhdl.processor.files import read_program
+    from kalmanhdl.processor.program import image
+    from kalmanhdl.processor.program import listing as listed
+
+    found = read_program(program, _core())
+    _put(listed(found) if listing else image(found), out, force=force)
+
+
+@reported
+def disasm(program: _Program, out: _Out = None, force: _Force = False) -> None:
+    """Turn an image back into a source that assembles to the same words."""
+    from kalmanhdl.processor.disassembler import disassemble
+    from kalmanhdl.processor.program import read_image
+
+    words = read_image(program.read_text(encoding="utf-8", errors="replace"), str(program)).words
+    _put(disassemble(words, _core()), out, force=force)
+
+
+@reported
+def execute(
+    program: _Program,
+    data: Annotated[
+        Path | None, typer.Option("--input", metavar="FILE", help="Real numbers that READ gets, in order.")
+    ] = None,
+    width: _Width = 32,
+    fraction: _Fraction = 16,
+    rounding: _Rounding = "half_even",
+    overflow: _Overflow = "saturate",
+    trace: Annotated[bool, typer.Option("--trace", help="Print every instruction and what it does.")] = False,
+    until: Annotated[
+        str | None, typer.Option(metavar="LABEL", help="Stop when this label or address comes up again.")
+    ] = None,
+    dump: Annotated[bool, typer.Option("--dump", help="Print the data store at the end.")] = False,
+    instructions: Annotated[int, typer.Option(min=1, max=_MOST, help="Stop after so many.")] = 100_000,
+) -> None:
+    """Run a program on the instruction-set simulator, and print the numbers that it puts out."""
+    from kalmanhdl.processor.files import read_numbers, read_program
+    from kalmanhdl.processor.peripherals import BenchSink, BenchSource
+    from kalmanhdl.processor.simulator import Machine, run
+    from kalmanhdl.processor.trace import dump as dumped
+    from kalmanhdl.processor.trace import real
+
+    core = _core(width, fraction, rounding, overflow)
+    found = read_program(program, core)
+    tokens = () if data is None else read_numbers(data, core)
+    stops = frozenset() if until is None else frozenset({_address(until, found)})
+    machine = Machine(core, BenchSource(tokens), BenchSink())
+    machine.load(found.words)
+    done = run(machine, instructions, stops, _watch(machine, found, trace=trace))
+    if not trace:
+        for raw in done.sent:
+            typer.echo(real(raw, core))
+    if dump:
+        typer.echo(dumped(machine, found))
+    flag = ", a result did not fit its format" if machine.saturated else ""
+    typer.echo(f"{done.reason}: {done.instructions} instructions, {machine.clock} clocks{flag}", err=True)
+
+
+def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[["Retired"], None]:
+    from kalmanhdl.processor.trace import trace_line
+
+    def show(done: "Retired") -> None:
+        if trace:
+            typer.echo(trace_line(done, machine, program))
+
+    return show
+
+
+def _core(
+    width: int = 32, fraction: int = 16, rounding: str = "half_even", overflow: str = "saturate"
+) -> "Core":
+    from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+    from kalmanhdl.processor.core import Core
+
+    for name, value, kind in (("--rounding", rounding, Rounding), ("--overflow", overflow, Overflow)):
+        if value not in [each.value for each in kind]:
+            valid = ", ".join(each.value for each in kind)
+            raise typer.BadParameter(f"{value!r}: one of {valid}", param_hint=name)
+    form = Fixed(width=width, fraction=fraction)
+    return Core(form=form, rounding=Rounding(rounding), overflow=Overflow(overflow))
+
+
+def _address(text: str, program: "Program") -> int:
+    from kalmanhdl.validation import nearest
+
+    if text in program.labels:
+        return program.labels[text]
+    if text.isdecimal() and int(text) < len(program.words):
+        return int(text)
+    raise ProgramError(
+        f"--until {text}: the program has no such label or address: {nearest(text, program.labels)}"
+    )
+
+
+def _put(text: str, out: Path | None, *, force: bool) -> None:
+    from kalmanhdl.output import new_file
+
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    if out.exists() and not force:
+        raise OutputError(f"{out}: exists: name another file, or replace it with --force")
+    with new_file(out) as file:
+        file.write_text(text, encoding="utf-8")

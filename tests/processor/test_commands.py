@@ -1,0 +1,95 @@
+"""The commands asm, disasm and exec."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from kalmanhdl.cli import app
+
+HERE = Path(__file__).parent
+SUMS = """
+.text
+LOOP: READ   0 X
+      ADD_33 X SUM SUM
+      WRITE  SUM 0
+      JUMP_U LOOP
+.data
+X:
+SUM:
+"""
+
+
+def call(*arguments):
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.fixture
+def sums(tmp_path):
+    (tmp_path / "sums.asm").write_text(SUMS)
+    (tmp_path / "numbers.txt").write_text("1.5, 2 # and\n-0.25\n")
+    return tmp_path
+
+
+def test_asm_writes_the_image_of_appendix_b(tmp_path):
+    out = tmp_path / "b.hex"
+    assert call("asm", HERE / "appendix_b.asm", "--out", out)[0] == 0
+    assert out.read_text() == (HERE / "appendix_b.hex").read_text()
+    assert call("asm", HERE / "appendix_b.asm", "--out", out)[0] == 1
+    assert call("asm", HERE / "appendix_b.asm", "--out", out, "--force")[0] == 0
+
+
+def test_disasm_gives_a_source_of_the_same_image(tmp_path):
+    _, source, _ = call("disasm", HERE / "appendix_b.hex")
+    (tmp_path / "again.asm").write_text(source)
+    assert call("asm", tmp_path / "again.asm")[1] == (HERE / "appendix_b.hex").read_text()
+
+
+def test_exec_runs_to_the_end_of_its_input(sums):
+    code, out, said = call("exec", sums / "sums.asm", "--input", sums / "numbers.txt")
+    assert (code, out.split()) == (0, ["1.5", "3.5", "3.25"])
+    assert said.strip() == "the input is exhausted: 12 instructions, 96 clocks"
+
+
+def test_exec_traces_stops_and_dumps(sums):
+    options = ("--input", sums / "numbers.txt", "--trace", "--until", "LOOP", "--dump")
+    _, out, said = call("exec", sums / "sums.asm", *options)
+    lines = out.splitlines()
+    assert lines[0].split() == ["8", "0", "LOOP:", "READ", "0", "0", "0[0]", "=", "1.5"]
+    assert lines[4:6] == ["X (0)", "  1.5  0.0  0.0"]
+    assert said.strip() == "stopped at address 0: 4 instructions, 32 clocks"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--until", "LOP"), "--until LOP: the program has no such label or address: did you mean 'LOOP'?"),
+        (
+            ("--width", "40"),
+            "core: fixed(40, fraction=16): the words of a core are signed and have 8 to 32 bits",
+        ),
+        (("--width", "8"), "core: fixed(8, fraction=16): its point stands inside the word, 0 to 8"),
+    ],
+)
+def test_a_wrong_option_has_one_message(sums, arguments, message):
+    code, _, said = call("exec", sums / "sums.asm", *arguments)
+    assert (code, said.strip()) == (1, f"error: {message}")
+
+
+def test_numbers_that_are_none_or_do_not_fit_are_refused(sums):
+    (sums / "numbers.txt").write_text("1\nx")
+    said = call("exec", sums / "sums.asm", "--input", sums / "numbers.txt")[2]
+    assert said.strip().endswith("numbers.txt, line 2: 'x' is no number")
+    (sums / "numbers.txt").write_text("1e9")
+    said = call("exec", sums / "sums.asm", "--input", sums / "numbers.txt")[2]
+    assert "line 1: '1e9' is outside fixed(32, fraction=16), -32768 to 32768: scale the numbers" in said
+
+
+def test_an_image_that_cannot_run_is_refused_by_address(sums):
+    (sums / "bad.hex").write_text("00000000\n08000000\n")
+    code, _, said = call("exec", sums / "bad.hex")
+    assert code == 1
+    assert said.strip().endswith(
+        "bad.hex: address 1: word 0x08000000: there is no instruction with the opcode 0x01"
+    )
