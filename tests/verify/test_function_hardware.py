@@ -12,6 +12,7 @@ from kalmanhdl.rtl.verilog import header, to_rtlil
 from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.cxxrtl import build_library
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
@@ -28,7 +29,7 @@ def verified_steps(plan: Plan, count: int) -> int:
     verilog = rtlil_to_verilog(to_rtlil(Filter(plan), "robot"), "robot", header(plan, "robot"))
     library = build_library(verilog, "robot", border_of(interface(plan)), optimised=False)
     section = Section(steps=random_steps(plan.typed, count, plan.channels, 1))
-    run = verify(library, "robot", plan, [section], stimulus="random")
+    run = verify(library, "robot", plan, Engine.of(plan.typed), [section], stimulus="random")
     assert run.mismatches == 0
     return run.steps
 

@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Iterator
+from unittest.mock import patch
 
 from amaranth.back import rtlil
+from amaranth.hdl._nir import Netlist
 from amaranth.lib.wiring import Component
 
 from kalmanhdl import __version__
@@ -28,7 +30,15 @@ applies to it."""
 
 def to_rtlil(component: Component, name: str) -> str:
     """The RTLIL text of a component, its top module called ``name``. No source paths are in it."""
-    return _SIGN_OF_WIRE.sub(r"\1", str(rtlil.convert(component, name=name, emit_src=False)))
+    # Amaranth looks for loops along every bit of every operand, which takes minutes for a long divider.
+    # Plans have none, and the simulator that verifies the Verilog refuses one.
+    with patch.object(Netlist, "check_comb_cycles", _unchecked):
+        text = str(rtlil.convert(component, name=name, emit_src=False))
+    return _SIGN_OF_WIRE.sub(r"\1", text)
+
+
+def _unchecked(_: Netlist) -> None:
+    pass
 
 
 def header(plan: Plan, name: str) -> str:

@@ -11,7 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#ifndef INLINE
 #define INLINE static inline __attribute__((always_inline, unused))
+#endif
 /* Written out at every use, operations of long integers would take minutes to compile. */
 #define CALL static __attribute__((noinline, unused))
 #define EACH for (int k = 0; k < LANES; k++)

@@ -60,9 +60,12 @@ class Engine:
     library: Path | None = field(repr=False)
 
     @staticmethod
-    def of(typed: TypedGraph | FloatGraph) -> "Engine":
-        """The engine of a graph, compiled unless that was done before. Raises ToolError."""
-        return engines([typed])[0]
+    def of(typed: TypedGraph | FloatGraph, *, optimised: bool = True) -> "Engine":
+        """The engine of a graph, compiled unless that was done before. Raises ToolError.
+
+        Not ``optimised`` it is made much sooner, for runs of few steps.
+        """
+        return engines([typed], optimised=optimised)[0]
 
     @property
     def compiled(self) -> bool:
@@ -104,7 +107,9 @@ class Engine:
         )
 
 
-def engines(graphs: Sequence[TypedGraph | FloatGraph], minimum_bits: int = 0) -> tuple[Engine, ...]:
+def engines(
+    graphs: Sequence[TypedGraph | FloatGraph], minimum_bits: int = 0, *, optimised: bool = True
+) -> tuple[Engine, ...]:
     """The engines of many graphs, compiled together, which is quicker than one by one.
 
     ``minimum_bits`` forces wider integers than needed; results do not change. Raises ToolError.
@@ -112,7 +117,7 @@ def engines(graphs: Sequence[TypedGraph | FloatGraph], minimum_bits: int = 0) ->
     source, programs = generate(graphs, minimum_bits)
     command = find_compiler()
     some = any(program.text for program in programs)
-    library = shared_library(source, command) if command and some else None
+    library = shared_library(source, command, optimised=optimised) if command and some else None
     return tuple(
         Engine(graph, program, library if program.text else None)
         for graph, program in zip(graphs, programs, strict=True)

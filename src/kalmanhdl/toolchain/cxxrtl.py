@@ -11,21 +11,24 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-from kalmanhdl.errors import ToolError
+from kalmanhdl.errors import ToolError, VerificationError
 from kalmanhdl.toolchain import cache
 from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.process import Tool, run, working_folder
-from kalmanhdl.toolchain.yosys import run_script
+from kalmanhdl.toolchain.yosys import outputs_of
 from kalmanhdl.toolchain.yowasp import YOSYS, version
 
 _OPTIONS = ("-std=c++17", "-shared", "-fPIC", "-fvisibility=hidden", "-w")
-_FAST, _QUICKLY_MADE = ("-O3",), ("-O0",)
 # One function holds the whole design. The runtime has every operation inlined into it, which compilers take
 # minutes for beyond so many characters; left to themselves, they do with less.
 _LARGE = 1 << 20
-_FAST_LARGE = ("-O1", "-D__always_inline__=__unused__")
+_CALLED = "-D__always_inline__=__unused__"
+_FAST, _FAST_LARGE, _QUICKLY_MADE = ("-O3",), ("-O1", _CALLED), ("-O0", _CALLED, "-DNDEBUG")
+_RUNTIME = "cxxrtl/cxxrtl.h"
+# Who gcc says it is by.
+_GCC = "Free Software Foundation"
 # CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
-_SPLIT = ("proc", "flatten", "opt_clean", "splitnets -driver", "opt_clean")
+_SPLIT = ("flatten", "opt_clean", "splitnets -driver", "opt_clean")
 _FASTER = (
     # The harness never asks what changed: to copy a register is faster than to compare it first.
     (re.compile(r"if \((p_\w+)\.commit\(observer\)\) changed = true;"), r"\1.curr = \1.next;"),
@@ -92,9 +95,10 @@ def find_compiler() -> Tool:
 def build_library(verilog: str, top: str, border: Border, *, optimised: bool = True) -> Path:
     """Compile a Verilog design with a stream on either side into a shared library; cached by content.
 
-    Not ``optimised`` it compiles in a third of the time, and simulates ten times slower.
+    Not ``optimised`` it compiles in a fraction of the time, and simulates many times slower.
 
-    Raises ToolError where a tool is missing or fails.
+    Raises ToolError where a tool is missing or fails, and VerificationError where the design has a latch:
+    a simulation by clocks takes it for a register.
     """
     harness = _beside("stream_harness.cc")
     return compile_simulator(verilog, top, _ports_header(top, border), harness, optimised=optimised)
@@ -105,7 +109,7 @@ def compile_simulator(verilog: str, top: str, ports: str, harness: str, *, optim
 
     ``ports`` is what the harness includes as ports.h: the names that it uses, as ``mangled`` has them.
 
-    Raises ToolError where a tool is missing or fails.
+    Raises as ``build_library``.
     """
     compiler = find_compiler()
     shared, rewriting = (_beside(name) for name in ("harness.h", "histories.py"))
@@ -114,23 +118,65 @@ def compile_simulator(verilog: str, top: str, ports: str, harness: str, *, optim
     parts = (*how, verilog, top, ports, harness, shared, rewriting)
 
     def make(folder: Path) -> None:
-        design = run_script(
-            ("read_verilog design.v", f"hierarchy -check -top {top}", *_SPLIT, "write_cxxrtl -g0 design.cc"),
-            {"design.v": verilog},
-            "design.cc",
-        )
+        design = _translated(verilog, top)
+        if optimised:
+            design = _faster(design, ports)
         with working_folder() as work:
-            fast = with_histories(design, set(_NAME.findall(ports)))
-            for slow, faster in _FASTER:
-                fast = slow.sub(faster, fast)
-            sources = {"design.cc": fast, "ports.h": ports, "harness.cc": harness, "harness.h": shared}
+            sources = {"design.cc": design, "ports.h": ports, "harness.cc": harness, "harness.h": shared}
             for name, text in sources.items():
                 (work / name).write_text(text)
-            speed = (_FAST_LARGE if len(fast) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
-            run(compiler, (*_OPTIONS, *speed, f"-I{_runtime()}", "harness.cc", "-o", "simulator.so"), work)
+            speed = (_FAST_LARGE if len(design) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
+            first = () if optimised else _precompiled(compiler)
+            options = (*_OPTIONS, *speed, *first, f"-I{_runtime()}")
+            run(compiler, (*options, "harness.cc", "-o", "simulator.so"), work)
             shutil.copyfile(work / "simulator.so", folder / "simulator.so")
 
     return cache.entry("cxxrtl", parts, make) / "simulator.so"
+
+
+def _translated(verilog: str, top: str) -> str:
+    """The Verilog as CXXRTL's C++."""
+    commands = (
+        "read_verilog design.v",
+        f"hierarchy -check -top {top}",
+        "proc",
+        "tee -q -o latches.txt select -list t:$*latch*",
+        *_SPLIT,
+        "write_cxxrtl -g0 design.cc",
+    )
+    design, latches = outputs_of(commands, {"design.v": verilog}, ("design.cc", "latches.txt"))
+    if found := latches.split():
+        raise VerificationError(f"{top}: {found[0]} is a latch, where the hardware has registers only")
+    return design
+
+
+def _faster(design: str, ports: str) -> str:
+    """The same C++, of which compilers make a faster simulator."""
+    design = with_histories(design, set(_NAME.findall(ports)))
+    for slow, faster in _FASTER:
+        design = slow.sub(faster, design)
+    return design
+
+
+def _precompiled(compiler: Tool) -> tuple[str, ...]:
+    """Options with which gcc finds CXXRTL's runtime precompiled, for simulators that are quickly made."""
+    with working_folder() as work:
+        words = run(compiler, ("--version",), work).output
+    if _GCC not in words:
+        return ()
+    parts = (version(YOSYS), words, *compiler.command, *_OPTIONS, *_QUICKLY_MADE, sys.platform)
+
+    def make(folder: Path) -> None:
+        runtime, place = _runtime() / _RUNTIME, folder / _RUNTIME
+        place.parent.mkdir(parents=True)
+        shutil.copyfile(runtime, place)
+        options = (flag for flag in (*_OPTIONS, *_QUICKLY_MADE) if flag != "-shared")
+        kind = ("-x", "c++-header", f"-I{_runtime()}", str(runtime), "-o", f"{place}.gch")
+        with working_folder() as work:
+            run(compiler, (*options, *kind), work)
+
+    # Only what comes before all else may be precompiled.
+    return (f"-I{cache.entry('cxxrtl-runtime', parts, make)}", "-include", _RUNTIME)
 
 
 def _beside(name: str) -> str:

@@ -48,14 +48,20 @@ def run_script(commands: Sequence[str], inputs: dict[str, str], output: str) -> 
 
     Raises ToolError with Yosys's own error line.
     """
+    return outputs_of(commands, inputs, (output,))[0]
+
+
+def outputs_of(commands: Sequence[str], inputs: dict[str, str], outputs: Sequence[str]) -> tuple[str, ...]:
+    """As ``run_script``, the texts of several output files."""
     ensure_warm(YOSYS)
     with working_folder() as folder:
         for name, text in {**inputs, "script.ys": "\n".join(commands) + "\n"}.items():
             (folder / name).write_text(text)
         run(YOSYS, ("-q", "script.ys"), folder)
-        if not (folder / output).is_file():
-            raise ToolError(f"{version(YOSYS)} ended well but wrote no {output}")
-        return (folder / output).read_text()
+        for output in outputs:
+            if not (folder / output).is_file():
+                raise ToolError(f"{version(YOSYS)} ended well but wrote no {output}")
+        return tuple((folder / output).read_text() for output in outputs)
 
 
 def cached_script(kind: str, commands: Sequence[str], inputs: dict[str, str], output: str) -> str:
@@ -92,17 +98,6 @@ def rtlil_to_verilog(rtlil: str, top: str, header: str = "") -> str:
     ]
     text = _BANNER.sub("", cached_script("verilog", commands, {"design.il": rtlil}, "design.v"))
     return "".join(f"// {line}".rstrip() + "\n" for line in header.splitlines()) + text
-
-
-def latches(verilog: str, top: str) -> tuple[str, ...]:
-    """The latches of a design, by the names that Yosys gives them. Raises ToolError."""
-    commands = [
-        "read_verilog design.v",
-        f"hierarchy -check -top {top}",
-        "proc",
-        "tee -q -o latches.txt select -list t:$*latch*",
-    ]
-    return tuple(cached_script("latches", commands, {"design.v": verilog}, "latches.txt").split())
 
 
 def synthesise_ecp5(verilog: str, top: str) -> Netlist:

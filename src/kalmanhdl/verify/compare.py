@@ -17,7 +17,6 @@ from kalmanhdl.simulate.engine import Trace as EngineTrace
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch
 from kalmanhdl.toolchain.simulation import Simulation, Trace
-from kalmanhdl.toolchain.yosys import latches
 from kalmanhdl.verify.stimulus import Section, Steps
 from kalmanhdl.verify.timing import accepted_again, handed_over, held_back, never_waits
 
@@ -77,14 +76,8 @@ def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
     return (*interface.numbers, *interface.present)
 
 
-def refuse_latches(verilog: str, top: str) -> None:
-    """A simulation by clocks takes a latch for a register. Raises VerificationError where there is one."""
-    if found := latches(verilog, top):
-        raise VerificationError(f"{top}: {found[0]} is a latch, where the hardware has registers only")
-
-
 def verify(
-    library: Path, top: str, plan: Plan, sections: Sequence[Section], *, stimulus: str
+    library: Path, top: str, plan: Plan, engine: Engine, sections: Sequence[Section], *, stimulus: str
 ) -> Verification:
     """Run sections of steps through a compiled simulator of the Verilog and the engine and compare every bit.
 
@@ -92,7 +85,7 @@ def verify(
     Raises VerificationError at the first difference, or where the Verilog hangs.
     """
     shown = interface(plan)
-    border, engine = border_of(shown), Engine.of(plan.typed)
+    border = border_of(shown)
     before: dict[str, Integers] | None = None
     since, seconds = 0, 0.0
     with Simulation(library, border) as simulation:
