@@ -50,18 +50,40 @@ class _Side(Component):
 
 
 def results(cores: Sequence, stimuli: Sequence[dict[str, int]], outputs: Sequence[str]) -> list[list[tuple]]:
-    """For every core, its outputs for each stimulus, taken ``core.registers`` clocks after it."""
+    """For every core, its outputs for each stimulus, taken the core's ``registers`` clocks after it."""
     operands = {name: _shape([s[name] for s in stimuli]) for name in stimuli[0]}
     side = _Side(cores, operands, outputs)
-    deepest = max(core.registers for core in cores)
+    deepest = max(_registers(core) for core in cores)
     lines = _simulated(side, stimuli, len(stimuli) + deepest)
     taken, place = [], 0
     for core, values in zip(cores, side.taken, strict=True):
-        window = lines[core.registers : core.registers + len(stimuli)]
+        window = lines[_registers(core) : _registers(core) + len(stimuli)]
         rows = [_unpacked(line >> place, values) for line in window]
         taken.append(rows)
         place += sum(len(value) for value in values)
     return taken
+
+
+def repeated(
+    core: Component, operands: Sequence[dict[str, int]], outputs: Sequence[str]
+) -> tuple[list[tuple], list[int]]:
+    """For a unit that takes a start: its outputs for each set of operands, and when it was done, in clocks.
+
+    One start follows another as soon as it may; operands change as soon as they are taken.
+    """
+    idle = dict.fromkeys(operands[0], 0)
+    stimuli = []
+    for given in operands:
+        others = [dict(operands[0], start=0), *[dict(idle, start=0)] * core.latency][: core.latency - 1]
+        stimuli += [dict(given, start=1), *others]
+    stimuli.append(dict(idle, start=0))
+    [lines] = results([core], stimuli, (*outputs, "done"))
+    places = range(core.latency, len(lines), core.latency)
+    return [lines[k][:-1] for k in places], [k for k, line in enumerate(lines) if line[-1]]
+
+
+def _registers(core: Component) -> int:
+    return getattr(core, "registers", 0)
 
 
 def _simulated(side: _Side, stimuli: Sequence[dict[str, int]], cycles: int) -> list[int]:

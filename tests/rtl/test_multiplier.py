@@ -6,6 +6,7 @@ import pytest
 from amaranth.hdl import Shape
 from streaming import results
 
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.rtl.multiplier import Multiplier
 
 
@@ -26,11 +27,17 @@ def test_products_are_exact(seed):
     generator = random.Random(seed)
     a, b = (Shape(generator.randrange(1, 41), generator.random() < 0.6) for _ in "ab")
     cores = [
-        Multiplier(a, b, registers, on_block)
+        Multiplier(a, b, registers, on_block, logic)
         for registers in (0, *generator.sample(range(1, 9), 2))
-        for on_block in (True, False)
+        for on_block, logic in ((True, LogicProduct.BOOTH), *((False, kind) for kind in LogicProduct))
     ]
     stimuli = [{"a": x, "b": y} for x in corners(a) for y in corners(b)]
     stimuli += [{"a": drawn(generator, a), "b": drawn(generator, b)} for _ in range(60)]
     for core, values in zip(cores, results(cores, stimuli, ("product",)), strict=True):
-        assert values == [(core.compute(**s),) for s in stimuli], (a, b, core.registers, core.on_block)
+        assert values == [(core.compute(**s),) for s in stimuli], (
+            a,
+            b,
+            core.registers,
+            core.on_block,
+            core.logic,
+        )

@@ -1,7 +1,15 @@
 """How large the hardware of a multiplication is, from the widths of its operands."""
 
 from collections.abc import Sequence
+from enum import Enum
 from itertools import accumulate
+
+
+class LogicProduct(Enum):
+    """How a multiplication is built where it has no multiplier block."""
+
+    BOOTH = "booth"
+    WALLACE = "wallace"
 
 
 def limb_widths(width: int, signed: bool, other_signed: bool, block_width: int = 18) -> tuple[int, ...]:
@@ -34,6 +42,35 @@ def recodes_first(a_width: int, a_signed: bool, b_width: int, b_signed: bool) ->
 def logic_addends(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
     """The addends of a multiplication from logic."""
     return min(booth_terms(a_width, a_signed), booth_terms(b_width, b_signed))
+
+
+def baugh_wooley(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """What is added to the partial products of bits once those of negative weight are complemented.
+
+    A bit of negative weight, one sign bit times a bit that is none, is worth -w x = w (1 - x) - w (Baugh &
+    Wooley 1973). Modulo 2**(a_width + b_width).
+    """
+    weights = (
+        1 << (i + j)
+        for i in range(a_width)
+        for j in range(b_width)
+        if (a_signed and i == a_width - 1) != (b_signed and j == b_width - 1)
+    )
+    return -sum(weights) % (1 << (a_width + b_width))
+
+
+def wallace_rows(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """The addends of a multiplication from single bits: one a bit of the shorter operand, and a constant."""
+    return min(a_width, b_width) + (baugh_wooley(a_width, a_signed, b_width, b_signed) != 0)
+
+
+def wallace_levels(rows: int) -> int:
+    """Levels of carry-save adders, three rows to two, that bring so many rows down to two at most."""
+    levels = 0
+    while rows > 2:
+        rows -= rows // 3
+        levels += 1
+    return levels
 
 
 def block_addends(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:

@@ -1,23 +1,19 @@
-"""Long division in hardware: non-restoring rows of one or two quotient bits."""
+"""Dividers: all rows of a long division one behind the other, or a few of them used again and again."""
 
-from amaranth.hdl import Cat, Const, Module, Mux, Shape, Value
-from amaranth.lib import wiring
+from dataclasses import replace
+
+from amaranth.hdl import Module, Value
 from amaranth.lib.wiring import In, Out
 
-from kalmanhdl.arithmetic.division import divide
-from kalmanhdl.arithmetic.division_structure import ONE, Operand, bits_of, long_structure, row_weights
-from kalmanhdl.arithmetic.fixed import Fixed, Rounding, outside, saturated
-from kalmanhdl.rtl.shapes import fitted, shape_of, shifted_sum
-from kalmanhdl.rtl.stages import Stages, named
+from kalmanhdl.arithmetic.division_structure import Operand, long_structure, row_weights
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.rtl.iteration import Iteration
+from kalmanhdl.rtl.long_division import LongDivisionCore, inner, row
+from kalmanhdl.rtl.stages import Stages
 
 
-class LongDivider(wiring.Component):
-    """The exact quotient of two raw integers, rounded once and saturated: ``arithmetic.division.divide``.
-
-    Ports: ``dividend`` (none for ``ONE``: a reciprocal), ``divisor``, ``quotient``, and
-    ``outside``: the exact quotient does not fit. The result stands ``registers`` clocks after its
-    operands. Operands outside their interval give any result.
-    """
+class LongDivider(LongDivisionCore):
+    """An array divider: the quotient stands ``registers`` clocks after its operands, for one pair a clock."""
 
     def __init__(
         self,
@@ -28,137 +24,75 @@ class LongDivider(wiring.Component):
         radix: int = 2,
         registers: int = 0,
     ) -> None:
-        self.dividend_operand, self.divisor_operand = dividend, divisor
-        self.form, self.rounding, self.registers = form, rounding, registers
-        self.structure = long_structure(dividend, divisor, _inner(form), rounding, radix)
-        ports = {
-            "divisor": In(shape_of(divisor.form)),
-            "quotient": Out(shape_of(form)),
-            "outside": Out(1),
-        }
-        if dividend != ONE:
-            ports["dividend"] = In(shape_of(dividend.form))
-        super().__init__(ports)
-
-    def compute(self, dividend: int, divisor: int) -> tuple[int, bool]:
-        """The raw quotient, and whether the exact one did not fit."""
-        a, b = self.dividend_operand.form.fraction, self.divisor_operand.form.fraction
-        return divide(dividend, a, divisor, b, self.form, self.rounding)
+        self.registers = registers
+        structure = long_structure(dividend, divisor, inner(form), rounding, radix)
+        super().__init__(dividend, divisor, form, rounding, structure)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        structure = self.structure
-        stages = Stages(m, row_weights(structure), self.registers)
-        state = self._started(m)
-        remaining = structure.rows
-        for step, bits in enumerate(structure.row_bits, start=1):
+        stages = Stages(m, row_weights(self.structure), self.registers)
+        state = self.started(m)
+        remaining = self.structure.rows
+        for step, bits in enumerate(self.structure.row_bits, start=1):
             state = stages.before(step, state)
-            state |= _row(m, state, remaining, bits)
+            add = state["partial"][-1] if step > 1 else state["bits"][0]
+            down = state["rest"][remaining - bits : remaining]
+            state |= row(m, state, add, down, str(remaining))
             remaining -= bits
-        state = stages.before(len(structure.row_bits) + 1, state)
-        quotient, out = self._finished(state)
-        result = stages.before(len(structure.row_bits) + 2, {"quotient": quotient, "outside": out})
+        state = stages.before(len(self.structure.row_bits) + 1, state)
+        quotient, out = self.finished(state)
+        last = len(self.structure.row_bits) + 2
+        result = stages.before(last, {"quotient": quotient, "outside": out})
         m.d.comb += [self.quotient.eq(result["quotient"]), self.outside.eq(result["outside"])]
         return m
 
-    def _started(self, m: Module) -> dict[str, Value]:
-        """What the first row reads: the dividend with its rounding, and the flags of the quotient."""
-        operand = self.dividend_operand
-        divisor = fitted(self.divisor, self.structure.row_width - 1, False)
-        if operand.low == operand.high:
-            dividend: Value = Const(operand.low, Shape(operand.width, operand.signed))
-        else:
-            dividend = fitted(self.dividend, operand.width, operand.signed)
-        total, dropped = self._biased(m, dividend, divisor)
-        rest = named(m, "rest", total >> dropped)[: max(len(total) - dropped, 1)]
-        rest = rest.as_signed() if self.structure.negative else rest
-        state = {
-            "divisor": divisor,
-            "partial": fitted(rest >> self.structure.rows, self.structure.row_width, False),
-            "rest": fitted(rest, self.structure.rows, False),
-            "bits": rest[-1] if self.structure.negative else Const(0, 1),
-        }
-        if self.structure.radix == 4:
-            state["triple"] = named(
-                m, "triple", fitted(divisor + (divisor << 1), self.structure.row_width, False)
-            )
-        if self.structure.ties:
-            state["on_point"] = total[:dropped] == 0
-        return state | self._flags(m, rest, divisor)
 
-    def _biased(self, m: Module, dividend: Value, divisor: Value) -> tuple[Value, int]:
-        """The number whose floor quotient is the rounded one, and its bits below the divisor's last."""
-        exponent = (
-            self.divisor_operand.form.fraction - self.dividend_operand.form.fraction + self.form.fraction
-        )
-        up, down = max(exponent, 0), max(-exponent, 0)
-        divisor = divisor.shift_left(down)
-        half = self.rounding in (Rounding.HALF_UP, Rounding.HALF_EVEN)
-        up, down = up + half, down + half
-        operand = self.dividend_operand
-        low, high = operand.low << up, operand.high << up
-        bound = self.divisor_operand.high << down
-        width = bits_of(min(low, 0) - 1, high + bound)
-        if half:
-            total = shifted_sum(dividend, up, divisor, width)
-        elif self.rounding is Rounding.TOWARD_ZERO and operand.signed:
-            bias = Mux(dividend < 0, fitted(divisor, len(divisor) + 1, True) - 1, 0)
-            total = shifted_sum(dividend, up, bias, width)
-        else:
-            total = fitted(dividend.shift_left(up), width, True)
-        return named(m, "biased", total), down
+class IterativeDivider(LongDivisionCore):
+    """A divider of ``rows`` rows for one pair of operands at a time: the ports of an ``Iteration``.
 
-    def _flags(self, m: Module, rest: Value, divisor: Value) -> dict[str, Value]:
-        """Whether the floor quotient lies above or below the format. A zero divisor is on a side too."""
-        flags: dict[str, Value] = {}
-        form = _inner(self.form)
-        top = rest >> form.highest.bit_length()
-        if self.structure.above:
-            flags["above"] = named(m, "above", top >= divisor)
-        if self.structure.below:
-            flags["below"] = named(m, "below", top + divisor < 0 if form.signed else rest < 0)
-        return flags
-
-    def _finished(self, state: dict[str, Value]) -> tuple[Value, Value]:
-        bits = state["bits"]
-        if self.structure.ties:
-            tie = (state["partial"] == 0) & state["on_point"]
-            bits = Cat(bits[0] & ~tie, bits[1:])
-        quotient = bits.as_signed() if self.structure.negative else bits[:-1]
-        above, below = state.get("above", Const(0, 1)), state.get("below", Const(0, 1))
-        form = _inner(self.form)
-        quotient = Mux(above, form.highest, Mux(below, form.lowest, quotient))
-        out = above | below
-        if form != self.form:
-            out = out | outside(quotient, self.form)
-            quotient = saturated(quotient, self.form, Mux)
-        return fitted(quotient, self.form.width, self.form.signed), out
-
-
-def _inner(form: Fixed) -> Fixed:
-    # Parity decides ties only in a format whose greatest number is odd, which 0 is not.
-    if form.highest == 0:
-        return Fixed(width=2, fraction=form.fraction)
-    return form
-
-
-def _row(m: Module, state: dict[str, Value], remaining: int, count: int) -> dict[str, Value]:
-    """The partial remainder after one or two more quotient bits, ``remaining`` were to be found before.
-
-    A partial remainder lies in [-divisor, divisor); its sign is the quotient bit, inverted.
+    A row finds one bit of the quotient, or two in radix 4.
     """
-    divisor, partial, bits, rest = (state[key] for key in ("divisor", "partial", "bits", "rest"))
-    width = len(partial)
-    add = partial[-1] if len(bits) > 1 else bits[0]
 
-    def stepped(brought_down: int, multiple: Value, name: str) -> Value:
-        shifted = Cat(rest[remaining - brought_down : remaining], partial)[:width]
-        subtrahend = fitted(multiple, width, False) ^ (~add).replicate(width)
-        return named(m, f"{name}_{remaining}", (shifted + subtrahend + ~add)[:width])
+    def __init__(
+        self,
+        dividend: Operand,
+        divisor: Operand,
+        form: Fixed,
+        rounding: Rounding,
+        radix: int = 2,
+        rows: int = 1,
+    ) -> None:
+        self._bits, self._rows = rows * (radix // 2), rows
+        structure = long_structure(dividend, divisor, inner(form), rounding, radix)
+        clocks = -(-structure.rows // self._bits)
+        self.iteration = Iteration(clocks)
+        # Rows before the first that is needed find bits like the sign's.
+        structure = replace(structure, rows=clocks * self._bits)
+        control = {"start": In(1), "done": Out(1)}
+        super().__init__(dividend, divisor, form, rounding, structure, control)
 
-    first = stepped(1, divisor, "partial")
-    if count == 1:
-        return {"partial": first, "bits": Cat(~first[-1], bits)}
-    near, far = stepped(2, divisor, "near"), stepped(2, state["triple"], "far")
-    second = named(m, f"second_{remaining}", Mux(first[-1] == add, far, near))
-    return {"partial": second, "bits": Cat(~second[-1], ~first[-1], bits)}
+    @property
+    def latency(self) -> int:
+        """Clocks from the start to the result; sooner no other may start."""
+        return self.iteration.latency
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        loaded = self.started(m)
+        rows = self.structure.rows
+        # The sign moves up as the quotient's bits come in below it.
+        loaded["bits"] = loaded["bits"].replicate(rows + 1)
+        state = self.iteration.built(m, self.start, self.done, loaded, self._advanced)
+        quotient, out = self.finished(state)
+        m.d.comb += [self.quotient.eq(quotient), self.outside.eq(out)]
+        return m
+
+    def _advanced(self, m: Module, state: dict[str, Value]) -> dict[str, Value]:
+        """The state after the rows of one clock."""
+        state, count = dict(state), self.structure.radix // 2
+        rest, bits = state["rest"], state["bits"]
+        for place in range(self._rows):
+            top = len(rest) - place * count
+            down = rest[top - count : top]
+            state |= row(m, state, state["partial"][-1], down, str(place))
+        return state | {"rest": rest << self._bits, "bits": state["bits"][: len(bits)]}
