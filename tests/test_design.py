@@ -61,6 +61,7 @@ def test_a_design_needs_a_name_and_a_model():
         (lambda: Architecture(clock_mhz="fast"), "[architecture] clock_mhz = 'fast'"),
         (lambda: Architecture(clock_mhz=np.nan), "[architecture] clock_mhz = nan"),
         (lambda: Architecture(multiplier_blocks=-1), "[architecture] multiplier_blocks = -1"),
+        (lambda: Architecture(multiplier="booths"), "[architecture] multiplier = 'booths': one of booth"),
         (lambda: Target(device=""), "[target] device = '' is unknown: there are ecp5-25k"),
         (
             lambda: Target(device="x"),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from kalmanhdl.algorithm import Converted
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.design_file import dump, dumps, loads
 from kalmanhdl.errors import DesignError, ModelError, OutputError
@@ -364,6 +365,7 @@ def designs(draw):
             channels=draw(st.integers(1, 65536)),
             clock_mhz=draw(st.none() | st.floats(1, 900)),
             multiplier_blocks=draw(blocks),
+            multiplier=draw(st.sampled_from(LogicProduct)),
         ),
         target=Target(device=draw(st.sampled_from(["ecp5-25k", "ecp5-85k"])), grade=8, seeds=1),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -31,13 +32,14 @@ class Architecture:
 
     A step starts every ``interval`` clocks; None is the recurrence bound, the fastest one track allows.
     ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks`` the most
-    multiplications that may use DSP blocks; None leaves both to the tool.
+    multiplications that may use DSP blocks; None leaves both to the tool. ``multiplier`` builds the others.
     """
 
     interval: int | None = None
     channels: int = 1
     clock_mhz: float | None = None
     multiplier_blocks: int | None = None
+    multiplier: LogicProduct = LogicProduct.BOOTH
 
     def __post_init__(self) -> None:
         if self.interval is not None:
@@ -45,6 +47,12 @@ class Architecture:
         _check_integer("architecture", "channels", self.channels, 1, MAX_CHANNELS)
         if self.multiplier_blocks is not None:
             _check_integer("architecture", "multiplier_blocks", self.multiplier_blocks, 0, MAX_BLOCKS)
+        try:
+            object.__setattr__(self, "multiplier", LogicProduct(self.multiplier))
+        except ValueError:
+            words = ", ".join(kind.value for kind in LogicProduct)
+            problem = f" = {shown(self.multiplier)}: one of {words}"
+            raise InvalidValueError("architecture", "multiplier", problem) from None
         clock = self.clock_mhz
         is_number = isinstance(clock, int | float) and not isinstance(clock, bool)
         if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from kalmanhdl.design import Design
 from kalmanhdl.errors import ScheduleError
@@ -73,7 +73,12 @@ def planned(design: Design, typed: Numbers) -> Plan:
     wanted = design.architecture
     part = device(design.target.device, design.target.grade)
     plan = schedule(
-        typed.typed, part, wanted.interval, wanted.channels, wanted.clock_mhz, wanted.multiplier_blocks
+        replace(typed.typed, logic_product=wanted.multiplier),
+        part,
+        wanted.interval,
+        wanted.channels,
+        wanted.clock_mhz,
+        wanted.multiplier_blocks,
     )
     found = problems(plan, part)
     if found:

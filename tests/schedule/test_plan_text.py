@@ -45,6 +45,8 @@ outputs
 "my output" = %4
 division
 table_newton(index_bits=4, iterations=1) half_up
+multiplication
+in logic booth
 violations
 scales
 x = 0.25
@@ -93,13 +95,14 @@ def test_every_typed_graph_parses_back(typed: TypedGraph):
         ("[-16256, 16384]  # shift", "# shift", "line 12: '%3 = shift"),
         ("table_newton(index_bits=4", "table_newton(bits=4", "line 19: 'table_newton(bits=4"),
         ("half_up", "up", "line 19"),
+        ("logic booth", "logic", "line 21: 'in logic' is not understood: write 'in logic booth' or 'in logic w"),
         ("violations\n", "", "the text has no section 'violations'"),
         (
             "violations\n",
             "violations\n%4\n",
-            "line 21: '%4' is not understood: write '%4 %5 starting running'",
+            "line 23: '%4' is not understood: write '%4 %5 starting running'",
         ),
-        ("z = 1.0", "z = fast", "line 24: 'z = fast' is not understood: write 'x[0] = 0.5'"),
+        ("z = 1.0", "z = fast", "line 26: 'z = fast' is not understood: write 'x[0] = 0.5'"),
         ("saturate :", "stop :", "line 13"),
         ("multiply %0 %1", "multiply %0 %7", "write operands that stand before %2"),
     ],

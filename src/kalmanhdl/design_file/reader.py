@@ -137,6 +137,7 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             channels=architecture.channels,
             clock_mhz=architecture.clock_mhz,
             multiplier_blocks=architecture.multiplier_blocks,
+            multiplier=architecture.multiplier,
         ),
         target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
     )

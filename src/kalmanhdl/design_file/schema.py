@@ -8,6 +8,7 @@ from kalmanhdl.algorithm import ALGORITHMS, Converted, Extended, Scheduled, Tayl
 from kalmanhdl.algorithm.converted import At as ConvertedAt
 from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design_file.values import (
     Axes,
     Division,
@@ -255,6 +256,7 @@ class ArchitectureTable(Table):
     channels: Integer = 1
     clock_mhz: Number | None = None
     multiplier_blocks: Integer | None = None
+    multiplier: LogicProduct = LogicProduct.BOOTH
 
 
 class TargetTable(Table):

@@ -206,6 +206,8 @@ def _architecture(architecture: Architecture) -> Lines:
         lines.append(f"clock_mhz = {_number(architecture.clock_mhz)}")
     if architecture.multiplier_blocks is not None:
         lines.append(f"multiplier_blocks = {architecture.multiplier_blocks}")
+    if architecture.multiplier is not Architecture().multiplier:
+        lines.append(f"multiplier = {_text(architecture.multiplier.value)}")
     return lines
 
 

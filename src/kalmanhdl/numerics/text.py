@@ -7,6 +7,7 @@ import re
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.errors import DesignError
 from kalmanhdl.graph.operations import is_flag
 from kalmanhdl.graph.text import (
@@ -27,7 +28,8 @@ def print_typed_graph(typed: TypedGraph) -> str:
         f"{form} [{interval.low}, {interval.high}]" if form and interval else ""
         for form, interval in zip(typed.formats, typed.intervals, strict=True)
     ]
-    lines = ["division", f"{_print_method(typed.division)} {typed.division_rounding.value}", "violations"]
+    lines = ["division", f"{_print_method(typed.division)} {typed.division_rounding.value}"]
+    lines += ["multiplication", f"in logic {typed.logic_product.value}", "violations"]
     lines += map(_print_violation, typed.violations)
     lines += ["scales", *(f"{print_name(name)} = {scale!r}" for name, scale in typed.scales.items())]
     return print_graph(typed.graph, notes) + "\n".join(lines) + "\n"
@@ -36,10 +38,11 @@ def print_typed_graph(typed: TypedGraph) -> str:
 def parse_typed_graph(text: str) -> TypedGraph:
     """The typed graph that ``print_typed_graph`` wrote. Raises DesignError with a line not understood."""
     found = parse_graph_text(text)
-    missing = {"division", "violations", "scales"} - found.sections.keys()
+    missing = {"division", "multiplication", "violations", "scales"} - found.sections.keys()
     if missing:
         raise DesignError(
-            f"the text has no section {min(missing)!r}: a typed graph has division, violations and scales"
+            f"the text has no section {min(missing)!r}: a typed graph has division, multiplication, "
+            "violations and scales"
         )
     formats, intervals = _parse_notes(found)
     method, rounding = _parse_division(*found.sections["division"].lines[0])
@@ -51,6 +54,7 @@ def parse_typed_graph(text: str) -> TypedGraph:
         rounding,
         tuple(_parse_violation(*line) for line in found.sections["violations"].lines),
         dict(_parse_scale(*line) for line in found.sections["scales"].lines),
+        _parse_product(*found.sections["multiplication"].lines[0]),
     )
 
 
@@ -85,6 +89,13 @@ def _parse_division(number: int, line: str) -> tuple[DivisionMethod, Rounding]:
     if long:
         return LongDivision(radix=int(found[1])), rounding
     return TableNewton(index_bits=int(found[1]), iterations=int(found[2])), rounding
+
+
+def _parse_product(number: int, line: str) -> LogicProduct:
+    written = {f"in logic {kind.value}": kind for kind in LogicProduct}
+    if line not in written:
+        raise misread(number, line, " or ".join(map(repr, written)))
+    return written[line]
 
 
 def _print_violation(violation: Violation) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from kalmanhdl.arithmetic.division import DivisionMethod
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.graph.operations import Graph
 
 
@@ -34,7 +35,8 @@ class TypedGraph:
     their interval. For two operands of different fraction the value with fewer fraction bits is
     shifted left first: ``fraction = max(a, b)`` for add, subtract and select, the sum for multiply.
     Every ``Reciprocal`` and ``Divide`` is computed by ``division``, rounded by ``division_rounding``
-    into its own format, and saturates.
+    into its own format, and saturates. A ``Multiply`` without multiplier blocks is built as ``logic_product``
+    says, which changes no result.
 
     ``violations`` lists the quantisations that can leave their format, each with its ``Outside`` flag and
     with the commands under which its value matters; only then is it a violation.
@@ -50,3 +52,4 @@ class TypedGraph:
     division_rounding: Rounding
     violations: tuple[Violation, ...]
     scales: dict[str, float]
+    logic_product: LogicProduct = LogicProduct.BOOTH

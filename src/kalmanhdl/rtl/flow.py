@@ -29,7 +29,9 @@ class SkidBuffer(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        ready, valid, held_valid = Signal(), Signal(), Signal()
+        ready = Signal()
+        valid = Signal()
+        held_valid = Signal()
         payload = Signal(self._layout, reset_less=True)
         held = Signal(self._layout, reset_less=True)
         accept = self.i.valid & ready
@@ -81,8 +83,11 @@ class ResultQueue(Component):
             shape=self._layout, depth=self._depth, init=[], attrs={"no_rw_check": 1}
         )
         write, read = memory.write_port(), memory.read_port()
-        write_place, read_place = Signal(range(self._depth)), Signal(range(self._depth))
-        fetch, valid, freed = Signal(), Signal(), Signal()
+        write_place = Signal(range(self._depth))
+        read_place = Signal(range(self._depth))
+        fetch = Signal()
+        valid = Signal()
+        freed = Signal()
         # One less than the results waiting: its sign alone says that there is none.
         waiting = Signal(signed(self._depth.bit_length() + 1), init=-1)
         m.d.comb += [

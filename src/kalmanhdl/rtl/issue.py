@@ -65,7 +65,8 @@ class Issue(Component):
         return m
 
     def _enter(self, m: Module) -> None:
-        entered, step = Signal(), Signal(self._layout, reset_less=True)
+        entered = Signal()
+        step = Signal(self._layout, reset_less=True)
         m.d.sync += [entered.eq(self.go), step.eq(self.next_step)]
         command = self.next_step.command
         measures = (command == Command.INITIALISE) | (command == Command.UPDATE)
@@ -77,7 +78,8 @@ class Issue(Component):
         interval = self._pace.interval
         if interval == 1:
             return Const(1)
-        phase, tick = Signal(range(interval)), Signal()
+        phase = Signal(range(interval))
+        tick = Signal()
         last = phase == interval - 1
         m.d.sync += [phase.eq(Mux(last, 0, phase + 1)), tick.eq(last)]
         return tick
@@ -95,7 +97,8 @@ class Issue(Component):
         # What is known of a place is taken with it: without a step in it, it means nothing.
         second_match = Signal(back, reset_less=True)
         third_match = Signal(back, reset_less=True)
-        same_track, blocked = Signal(reset_less=True), Signal(reset_less=True)
+        same_track = Signal(reset_less=True)
+        blocked = Signal(reset_less=True)
         advance = Signal()
         m.d.comb += [
             self.next_step.eq(third.payload),

@@ -38,7 +38,8 @@ class Iteration:
             for name, value in loaded.items()
         }
         following = advanced(m, dict(state))
-        left, finished = Signal(range(self.clocks + 1)), Signal()
+        left = Signal(range(self.clocks + 1))
+        finished = Signal()
         m.d.sync += finished.eq((left == 1) & ~start)
         m.d.comb += done.eq(finished)
         with m.If(start):

@@ -14,7 +14,8 @@ from kalmanhdl.schedule.plan import Plan
 
 def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
     """The core of a multiplication, for operands of these shapes."""
-    return Multiplier(a, b, plan.registers[index], index in plan.on_multiplier_block)
+    on_block = index in plan.on_multiplier_block
+    return Multiplier(a, b, plan.registers[index], on_block, plan.typed.logic_product)
 
 
 def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal | ReciprocalTable:

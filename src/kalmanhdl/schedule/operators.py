@@ -20,7 +20,15 @@ from kalmanhdl.arithmetic.division_structure import (
 )
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded, stands_below
 from kalmanhdl.arithmetic.pipelining import register_places
-from kalmanhdl.arithmetic.product_structure import booth_terms, limb_widths, recodes_first, tree_levels
+from kalmanhdl.arithmetic.product_structure import (
+    LogicProduct,
+    booth_terms,
+    limb_widths,
+    recodes_first,
+    tree_levels,
+    wallace_levels,
+    wallace_rows,
+)
 from kalmanhdl.graph.operations import (
     Add,
     And,
@@ -54,6 +62,7 @@ _ROWS_ALWAYS_IN_LOGIC = 4
 # How the hardware weighs its steps, in levels of adders, when it places registers.
 _BLOCK_WEIGHT = 2.0
 _RECODING_WEIGHT = 0.5
+_CARRY_SAVE_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +141,7 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
         case Multiply(a, b):
-            return _product(_number(typed, a), _number(typed, b), device, on_block)
+            return _product(_number(typed, a), _number(typed, b), device, on_block, typed.logic_product)
         case Select(_, a, _):
             form = typed.formats[index]
             return _wired(operation, _delay(device, "select", form.width if form else 1))
@@ -213,8 +222,12 @@ def _adder(typed: TypedGraph, index: int, a: int, b: int, device: Device) -> int
     return _delay(device, "add", max(1, form.width - passed))
 
 
-def _product(a: Fixed, b: Fixed, device: Device, on_block: bool) -> Operator:
+def _product(
+    a: Fixed, b: Fixed, device: Device, on_block: bool, logic: LogicProduct = LogicProduct.BOOTH
+) -> Operator:
     """One block for each pair of limbs, or the rows of a multiplication from logic; then a tree of adders."""
+    if not on_block and logic is LogicProduct.WALLACE:
+        return _wallace(a, b, device)
     if on_block:
         limbs_a = limb_widths(a.width, a.signed, b.signed, device.multiplier_width)
         limbs_b = limb_widths(b.width, b.signed, a.signed, device.multiplier_width)
@@ -231,6 +244,17 @@ def _product(a: Fixed, b: Fixed, device: Device, on_block: bool) -> Operator:
         pieces=(first, *(adder,) * levels),
         weights=(weight, *(1.0,) * levels),
         blocks=blocks,
+    )
+
+
+def _wallace(a: Fixed, b: Fixed, device: Device) -> Operator:
+    """The products of single bits, levels of carry-save adders, one adder."""
+    saves = wallace_levels(wallace_rows(a.width, a.signed, b.width, b.signed))
+    bits, adder = _delay(device, "select", 1), _delay(device, "add", a.width + b.width)
+    return Operator(
+        kind="multiply",
+        pieces=(bits, *(bits,) * saves, adder),
+        weights=(_RECODING_WEIGHT, *(_CARRY_SAVE_WEIGHT,) * saves, 1.0),
     )
 
 
