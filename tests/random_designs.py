@@ -7,7 +7,9 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNew
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.state_space import LinearModel, linear_model
+from kalmanhdl.model.varying import VaryingModel, varying_model
 from kalmanhdl.numerics.specification import FixedSpecification
 
 CLASSES = ("state", "covariance", "gain", "measurement", "innovation", "innovation_covariance", "reciprocal")
@@ -21,7 +23,10 @@ def random_design(
     channels = int(random.choice([1, 1, 2, 3, 5, 8, 13, 20]))
     least = 2 if channels == 2 else 1
     interval = None if random.random() < 0.3 else int(random.integers(least, 8))
-    model = _model(random, max_states, max_measurements)
+    if seed % 5 == 4:
+        model = random_varying_model(random, max_states, max_measurements)
+    else:
+        model = _model(random, max_states, max_measurements)
     return Design(
         name=f"random_{seed}",
         model=model,
@@ -32,7 +37,53 @@ def random_design(
     )
 
 
-def _algorithm(random: np.random.Generator, model: LinearModel) -> Algorithm:
+def random_varying_model(
+    random: np.random.Generator, max_states: int = 4, max_measurements: int = 3
+) -> VaryingModel:
+    """States that decay and push each other the more the longer a step is, by inputs dt, q and r."""
+    n = int(random.integers(1, max_states + 1))
+    m = int(random.integers(1, min(n, max_measurements) + 1))
+    F = [[_moved(random, i, j) for j in range(n)] for i in range(n)]
+    Q = [
+        [f"{a!r}*q*dt" if i == j else 0.0 for j in range(n)]
+        for i, a in enumerate(random.uniform(0.1, 1, n).tolist())
+    ]
+    R = [
+        [f"{a!r}*r + 0.1" if i == j else 0.0 for j in range(m)]
+        for i, a in enumerate(random.uniform(0.5, 2, m).tolist())
+    ]
+    if m > 1 and random.random() < 0.5:
+        R[0][1] = R[1][0] = "0.05*r"
+    H = np.eye(n)[random.permutation(n)[:m]] * random.choice([1.0, -1.0, 0.7, 2.0], size=(m, 1))
+    if random.random() < 0.5:
+        H += random.standard_normal((m, n)) * (random.random((m, n)) < 0.5)
+    high, driven = float(random.uniform(0.5, 2)), random.random() < 0.3
+    return varying_model(
+        F,
+        H,
+        Q,
+        R,
+        inputs=(
+            RunTimeInput(name="dt", low=float(random.choice([0.0, 0.25])), high=high),
+            RunTimeInput(name="q", low=0.5, high=2.0),
+            RunTimeInput(name="r", low=0.0, high=float(random.choice([1.0, 3.0]))),
+        ),
+        initial=given(random.standard_normal(n), _covariance(random, n) * 4),
+        B=[[f"{c!r}*dt"] for c in random.standard_normal(n).tolist()] if driven else None,
+        offset=[f"{c!r}*dt" for c in random.standard_normal(n).tolist()] if random.random() < 0.3 else None,
+        control_names=["push"] if driven else [],
+    )
+
+
+def _moved(random: np.random.Generator, i: int, j: int) -> str | float:
+    if i == j:
+        return f"1 - {float(random.uniform(0.05, 0.4))!r}*dt"
+    return f"{float(random.uniform(-0.5, 0.5))!r}*dt" if j > i and random.random() < 0.7 else 0.0
+
+
+def _algorithm(random: np.random.Generator, model: LinearModel | VaryingModel) -> Algorithm:
+    if isinstance(model, VaryingModel):
+        return ALGORITHMS[str(random.choice(model.suited))]()
     kind = str(random.choice(sorted(LINEAR)))
     if kind == Taylor.kind:
         return Taylor(covering(model), int(random.integers(0, 2)))

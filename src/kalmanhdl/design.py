@@ -137,10 +137,14 @@ class Design:
 
         return load(path, constants)
 
-    def simulate(self, z: ArrayLike, u: ArrayLike | None = None) -> "Simulation":
+    def simulate(
+        self, z: ArrayLike, u: ArrayLike | None = None, time: ArrayLike | None = None
+    ) -> "Simulation":
         """Filter measurements with the float reference and the bit-exact engine, side by side.
 
-        z (steps, m) for one track or (steps, tracks, m), NaN where missed; controls u likewise.
+        z (steps, m) for one track or (steps, tracks, m), NaN where missed; controls u likewise, behind them
+        the run-time inputs. ``time`` (steps,) or (steps, tracks), in s, stands for the one that follows from
+        it.
 
         Raises:
             DataError: a shape that does not suit the model, an infinite number, a control that is missing.
@@ -148,7 +152,7 @@ class Design:
         from kalmanhdl.pipeline import simulate
         from kalmanhdl.simulate.data import plots_from_arrays
 
-        return simulate(self, plots_from_arrays(z, self.model, u))
+        return simulate(self, plots_from_arrays(z, self.model, u, time))
 
     def build(
         self,
@@ -156,13 +160,14 @@ class Design:
         *,
         z: ArrayLike | None = None,
         u: ArrayLike | None = None,
+        time: ArrayLike | None = None,
         verify_steps: int = 100_000,
         place: bool = True,
         force: bool = False,
     ) -> "Record":
         """Take the design the whole line down and write the folder ``out``, report and all.
 
-        With measurements z (and u, as for ``simulate``) they are filtered. ``verify_steps`` of the
+        With measurements z (and u and time, as for ``simulate``) they are filtered. ``verify_steps`` of the
         Verilog are held against the engine (0: none); ``place``: also synthesis, place and route;
         ``force`` replaces an earlier build.
 
@@ -174,7 +179,7 @@ class Design:
         from kalmanhdl.build import build
         from kalmanhdl.simulate.data import plots_from_arrays
 
-        plots = None if z is None else plots_from_arrays(z, self.model, u)
+        plots = None if z is None else plots_from_arrays(z, self.model, u, time)
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
 
 

@@ -18,7 +18,7 @@ def covariance_filter(model: LinearModel, update: Update) -> Filter:
         kept=(Kept("x", Kind.STATE, (n,)), Kept("P", Kind.COVARIANCE, (n, n))),
         start=lambda memory, given: {
             "x": start_mean(model, memory["x"], given),
-            "P": model.initial.P.astype(object),
+            "P": named("initialise: P", symmetric(model.initial.P.astype(object))),
         },
         predict=lambda memory, given: {
             "x": predict_mean(model, memory["x"], given),

@@ -53,7 +53,7 @@ class Extended(Algorithm):
     def _update(self, model: NonlinearModel, prior: Belief, given: Given) -> Correction:
         y = _innovation(model, prior.x, given)
         H = named("update: H", model.observation_slope(prior.x))
-        tangent = _Tangent(model.n, H, model.R, model.nis_weight)
+        tangent = _Tangent(model.n, H, model.measurement_noise(given.u), model.nis_weight)
         correct = joseph_correction if self.joseph else conventional_correction
         found = correct(tangent, prior, given.valid, y)
         x = _wrapped(found.memory["x"], model.state_angles, model.units.state)
@@ -70,7 +70,7 @@ class _Tangent:
 
     n: int
     H: Array
-    R: Numbers
+    R: Array
     nis_weight: Numbers | None
 
 

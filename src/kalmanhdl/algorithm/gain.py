@@ -14,7 +14,7 @@ from kalmanhdl.model.model import Array as Numbers
 class Observation(Protocol):
     """z = H x + v, v ~ N(0, R), of a linear model or of one that is linearised about a state.
 
-    H (m, n) holds numbers or elements, R (m, m) numbers, nis_weight (m,) numbers or None.
+    H (m, n) and R (m, m) hold numbers or elements, nis_weight (m,) numbers, or is None.
     """
 
     @property
@@ -26,7 +26,7 @@ class Observation(Protocol):
         """What the measurements see of the states."""
 
     @property
-    def R(self) -> Numbers:
+    def R(self) -> Any:
         """The covariance of the measurement noise."""
 
     @property

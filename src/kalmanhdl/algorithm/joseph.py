@@ -6,8 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
-from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
 from kalmanhdl.algorithm.gain import Observation, normalised_innovation_squared, optimal_gain
+from kalmanhdl.algorithm.varying import of_linear
 from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, Condition, named, select
 from kalmanhdl.model.model import Model
@@ -26,9 +27,12 @@ class Joseph(Algorithm):
     kind: ClassVar[str] = "joseph"
 
     def __call__(self, model: Model) -> Filter:
-        """The filter of a linear model."""
-        linear = as_linear(model, self)
-        return covariance_filter(linear, lambda prior, given: _update(linear, prior, given))
+        """The filter of a linear model, or of one that varies."""
+        return of_linear(model, self, _filter)
+
+
+def _filter(linear: LinearModel) -> Filter:
+    return covariance_filter(linear, lambda prior, given: _update(linear, prior, given))
 
 
 def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:

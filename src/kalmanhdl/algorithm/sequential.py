@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kalmanhdl.algorithm.covariance import corrected, covariance_filter, innovation
-from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
+from kalmanhdl.algorithm.varying import of_linear
 from kalmanhdl.graph.linear_algebra import blocks, quotient, symmetric, times, vector
 from kalmanhdl.graph.signal import Array, Condition, Scalar, named, named_at, select
 from kalmanhdl.model.model import Model
@@ -36,9 +37,12 @@ class Sequential(Algorithm):
     kind: ClassVar[str] = "sequential"
 
     def __call__(self, model: Model) -> Filter:
-        """The filter of a linear model."""
-        linear = as_linear(model, self)
-        return covariance_filter(linear, lambda prior, given: _update(linear, prior, given))
+        """The filter of a linear model, or of one that varies."""
+        return of_linear(model, self, _filter)
+
+
+def _filter(linear: LinearModel) -> Filter:
+    return covariance_filter(linear, lambda prior, given: _update(linear, prior, given))
 
 
 def _update(model: LinearModel, prior: Belief, given: Given) -> Correction:

@@ -35,6 +35,7 @@ from kalmanhdl.design_file.schema import (
     TargetTable,
     ThreePointTable,
     TwoPointTable,
+    VaryingTable,
 )
 from kalmanhdl.design_file.values import Context, number
 from kalmanhdl.errors import DesignError, ModelError
@@ -48,6 +49,7 @@ from kalmanhdl.model.nonlinear import Measured, NonlinearModel, nonlinear_model
 from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.model.turn import coordinated_turn
+from kalmanhdl.model.varying import VaryingModel, varying_model
 from kalmanhdl.numerics.floating import FORMATS, FloatSpecification
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
@@ -202,6 +204,7 @@ def _nonlinear(table: dict[str, Any], context: Context) -> NonlinearModel:
         measurement_names=checked.measurement,
         measurement_range=checked.measurement_range,
         control_names=checked.control,
+        inputs=checked.inputs,
         angles=checked.angles,
         constants=context.constants,
     )
@@ -229,6 +232,8 @@ def _multiple(table: dict[str, Any], context: Context) -> MultipleModel:
 
 
 def _single(table: dict[str, Any], context: Context) -> Model:
+    if "inputs" in table:
+        return _varying(table, context)
     checked = _of_kind(MODELS, table, "model", context)
     initial = _initial(checked.initial, context)
     if isinstance(checked, LinearTable):
@@ -246,6 +251,31 @@ def _single(table: dict[str, Any], context: Context) -> Model:
         initial=initial,
         state_names=motion.state_names,
         measurement_names=checked.measurement or plots,
+    )
+
+
+def _varying(table: dict[str, Any], context: Context) -> VaryingModel:
+    if table.get("kind") != LinearModel.kind:
+        kind = shown(table.get("kind"))
+        problem = f': kind = {kind} has none: write its matrices by formulas, with kind = "linear"'
+        raise InvalidValueError("model", "inputs", problem)
+    checked = _checked(VaryingTable, table, "model", context)
+    return varying_model(
+        checked.F,
+        checked.H,
+        checked.Q,
+        checked.R,
+        inputs=checked.inputs,
+        initial=_initial(checked.initial, context),
+        B=checked.B,
+        offset=checked.offset,
+        measurement_offset=checked.measurement_offset,
+        constants=context.constants,
+        state_names=checked.state,
+        state_units=checked.unit,
+        measurement_names=checked.measurement,
+        control_names=checked.control,
+        measurement_range=checked.measurement_range,
     )
 
 

@@ -13,10 +13,12 @@ from kalmanhdl.design_file.values import (
     Axes,
     Division,
     Entries,
+    EntryMatrix,
     EntryRows,
     Forms,
     FormValue,
     Functions,
+    Inputs,
     Integer,
     Matrix,
     Names,
@@ -77,6 +79,28 @@ class LinearTable(CommonModelTable):
     control: Names | None = None
 
 
+class VaryingTable(Table):
+    """``kind = "linear"`` with ``inputs``, which formulas in the matrices name."""
+
+    kind: str
+    # Before the matrices, whose entries are formulas in them.
+    inputs: Inputs
+    F: EntryMatrix
+    H: Matrix
+    Q: EntryMatrix
+    R: EntryMatrix
+    initial: dict[str, Any]
+    B: EntryMatrix | None = None
+    offset: Entries | None = None
+    state: Names | None = None
+    control: Names = Field(default_factory=list)
+    constants: dict[str, Any] = Field(default_factory=dict)
+    unit: Names | None = None
+    measurement: Names | None = None
+    measurement_offset: Vector | None = None
+    measurement_range: Matrix | None = None
+
+
 class MotionTable(CommonModelTable):
     """``kind = "constant_velocity"`` or ``"constant_acceleration"``, with measured positions."""
 
@@ -113,13 +137,15 @@ class MultipleTable(Table):
 
 
 class NonlinearTable(Table):
-    """``kind = "nonlinear"``: formulas in states, controls and constants."""
+    """``kind = "nonlinear"``: formulas in states, controls, inputs and constants."""
 
     kind: str
+    # Before the matrices, whose entries are formulas where there are inputs.
+    inputs: Inputs = Field(default_factory=list)
     f: Entries
     h: Entries
-    Q: Matrix
-    R: Matrix
+    Q: EntryMatrix
+    R: EntryMatrix
     state: Names
     measurement: Names
     initial: dict[str, Any]

@@ -10,6 +10,7 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNew
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import DesignError
 from kalmanhdl.model.expression import evaluate
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.numerics.functions.method import Cordic, FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import MAX_FRACTION, MAX_WIDTH, Form, parse_format
 from kalmanhdl.validation import nearest, shown
@@ -214,6 +215,44 @@ def _entry_rows(value: Any, info: ValidationInfo) -> list[list[str | float]]:
     return [_entries(row, info) for row in value]
 
 
+def _entry_matrix(value: Any, info: ValidationInfo) -> list[list[str | float]] | list[list[float]]:
+    """A matrix of numbers and, in a table with inputs, formulas that name them."""
+    if not info.data.get("inputs"):
+        return _matrix(value, info)
+    if isinstance(value, dict) and list(value) == ["diagonal"]:
+        diagonal = _entries(value["diagonal"], info)
+        rows = [[d if i == j else 0.0 for j in range(len(diagonal))] for i, d in enumerate(diagonal)]
+    else:
+        rows = _entry_rows(value, info)
+    return [[_worked_out(entry, info) for entry in row] for row in rows]
+
+
+def _worked_out(entry: str | float, info: ValidationInfo) -> str | float:
+    """A number where an entry names constants alone, else the formula, which the model reads."""
+    try:
+        return number(entry, _constants(info))
+    except ValueError:
+        return entry
+
+
+def _inputs(value: Any, info: ValidationInfo) -> list[RunTimeInput]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{shown(value)} is no table: write [model.inputs] and dt = [0.5, 5]")
+    found = []
+    for name, entry in value.items():
+        table = entry if isinstance(entry, dict) else {"range": entry}
+        try:
+            limits = vector(table.get("range"), _constants(info))
+            if len(limits) != 2 or not set(table) <= {"range", "from"} or table.get("from", "time") != "time":
+                raise ValueError(f"{shown(entry)} is no input")
+        except ValueError as error:
+            rule = 'write a range like [0.5, 5], or { range = [0.5, 5], from = "time" }'
+            raise ValueError(f"{shown(name)}: {error}: {rule}") from None
+        low, high = limits
+        found.append(RunTimeInput(name=name, low=low, high=high, from_time="from" in table))
+    return found
+
+
 Number = Annotated[float, PlainValidator(_number)]
 Integer = Annotated[int, PlainValidator(_integer)]
 Vector = Annotated[list[float], PlainValidator(_vector)]
@@ -226,6 +265,8 @@ Axes = Annotated[int | list[str], PlainValidator(_axes)]
 FormValue = Annotated[Form, PlainValidator(_form)]
 Entries = Annotated[list[str | float], PlainValidator(_entries)]
 EntryRows = Annotated[list[list[str | float]], PlainValidator(_entry_rows)]
+EntryMatrix = Annotated[list[list[str | float]] | list[list[float]], PlainValidator(_entry_matrix)]
+Inputs = Annotated[list[RunTimeInput], PlainValidator(_inputs)]
 Forms = Annotated[dict[str, Form], PlainValidator(_forms)]
 Division = Annotated[DivisionMethod, PlainValidator(_division)]
 Functions = Annotated[FunctionMethod | None, PlainValidator(_functions)]

@@ -1,7 +1,7 @@
 """A design as TOML text that loads to an equal design."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -15,10 +15,12 @@ from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.errors import OutputError
 from kalmanhdl.model.converted import ConvertedModel
 from kalmanhdl.model.formulas import Formulas
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import Initial, LinearModel
+from kalmanhdl.model.varying import VaryingModel
 from kalmanhdl.model.written import written
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
@@ -64,6 +66,8 @@ def _model(model: Model) -> list[Lines]:
         return _nonlinear(model)
     if isinstance(model, ConvertedModel):
         return _converted(model)
+    if isinstance(model, VaryingModel):
+        return _varying(model)
     assert isinstance(model, LinearModel), model.kind
     return [_linear(model), _initial(model.initial)]
 
@@ -79,6 +83,43 @@ def _converted(model: ConvertedModel) -> list[Lines]:
     return [[*_linear(measured), coordinates], _initial(model.initial)]
 
 
+def _varying(model: VaryingModel) -> list[Lines]:
+    """Formulas as they were given."""
+    n, m, controls = model.n, model.m, model.p - len(model.inputs)
+    lines = ["[model]", 'kind = "linear"', f"state = {_texts(model.state_names)}"]
+    lines += [f"unit = {_texts(model.state_units)}"] if any(model.state_units) else []
+    lines.append(f"measurement = {_texts(model.measurement_names)}")
+    lines += [f"control = {_texts(model.control_names[:controls])}"] if controls else []
+    lines.append(f"H = {_matrix(model.fixed.H)}")
+    lines += [f"{key} = {_rows(model.texts[key], size)}" for key, size in (("F", n), ("Q", n), ("R", m))]
+    if controls:
+        wide = model.texts["B"]
+        flat = [wide[place] for place in range(len(wide)) if place % model.p < controls]
+        lines.append(f"B = {_rows(flat, controls)}")
+    lines.append(f"offset = {_texts(model.texts['offset'])}")
+    lines.append(f"measurement_offset = {_vector(model.fixed.measurement_offset)}")
+    limits = model.measurement_range
+    lines += [f"measurement_range = {_matrix(limits)}"] if limits is not None else []
+    return [lines, *_constants(model.constants), _inputs(model.inputs), _initial(model.initial)]
+
+
+def _rows(entries: Sequence[str], size: int) -> str:
+    return f"[{', '.join(_texts(entries[k : k + size]) for k in range(0, len(entries), size))}]"
+
+
+def _constants(constants: Mapping[str, float]) -> list[Lines]:
+    lines = [f"{name} = {_number(value)}" for name, value in constants.items()]
+    return [["[model.constants]", *lines]] if lines else []
+
+
+def _inputs(inputs: Sequence[RunTimeInput]) -> Lines:
+    lines = []
+    for each in inputs:
+        origin = ', from = "time"' if each.from_time else ""
+        lines.append(f"{each.name} = {{ range = {_vector([each.low, each.high])}{origin} }}")
+    return ["[model.inputs]", *lines] if lines else []
+
+
 def _nonlinear(model: NonlinearModel) -> list[Lines]:
     """Formulas as they were given; those of Python functions as what they compute."""
     names = {"x": model.state_names, "u": model.control_names, "z": model.measurement_names}
@@ -91,16 +132,18 @@ def _nonlinear(model: NonlinearModel) -> list[Lines]:
     lines = ["[model]", f"kind = {_text(model.kind)}", f"state = {_texts(model.state_names)}"]
     lines += [f"unit = {_texts(model.state_units)}"] if any(model.state_units) else []
     lines.append(f"measurement = {_texts(model.measurement_names)}")
-    lines += [f"control = {_texts(model.control_names)}"] if model.p else []
+    controls = model.control_names[: model.p - len(model.inputs)]
+    lines += [f"control = {_texts(controls)}"] if controls else []
     lines += [f"angles = {_texts(angles)}"] if angles else []
     lines.append(f"f = {_texts(_formulas(model, 'f', model.f, names))}")
     lines.append(f"h = {_texts(_formulas(model, 'h', model.h, names))}")
     lines += [f"G = [{', '.join(map(_texts, gain))}]"] if gain else []
-    lines += [f"Q = {_matrix(model.Q)}", f"R = {_matrix(model.R)}"]
+    for key, found, fixed in (("Q", model.Q_formulas, model.Q), ("R", model.R_formulas, model.R)):
+        text = None if found is None else _rows(_formulas(model, key, found, names), len(fixed))
+        lines.append(f"{key} = {_matrix(fixed) if text is None else text}")
     limits = model.measurement_range
     lines += [f"measurement_range = {_matrix(limits)}"] if limits is not None else []
-    constants = [f"{name} = {_number(value)}" for name, value in model.constants.items()]
-    blocks = [lines, ["[model.constants]", *constants]] if constants else [lines]
+    blocks = [lines, *_constants(model.constants), _inputs(model.inputs)]
     initial = model.initial
     if isinstance(initial, Initial):
         return [*blocks, _initial(initial)]

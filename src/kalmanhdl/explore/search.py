@@ -435,5 +435,7 @@ def _constant_width(specification: FixedSpecification) -> int:
 
 def _joined(a: Ranges, b: Ranges) -> Ranges:
     return Ranges(
-        low=tuple(np.minimum(a.low, b.low).tolist()), high=tuple(np.maximum(a.high, b.high).tolist())
+        low=tuple(np.minimum(a.low, b.low).tolist()),
+        high=tuple(np.maximum(a.high, b.high).tolist()),
+        declared=a.declared & b.declared,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Binary, Graph, Table, Unary
 from kalmanhdl.numerics.functions.lowering import REACH
-from kalmanhdl.numerics.quantise import MARGIN
+from kalmanhdl.numerics.quantise import margin
 from kalmanhdl.numerics.ranges import Ranges
 from kalmanhdl.numerics.signals import SignalName
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -53,7 +53,9 @@ def slot_of(graph: Graph, ranges: Ranges, index: int, signal: SignalName, *, uns
     if signal.signal_class == "bit":
         form = Fixed(width=1, fraction=0, signed=False)
         return Slot(name=signal.name, signal_class="bit", signed=False, greatest=0.0, fixed=form)
-    greatest = max(abs(ranges.low[index]), abs(ranges.high[index])) * MARGIN.get(signal.signal_class, 1.0)
+    greatest = max(abs(ranges.low[index]), abs(ranges.high[index])) * margin(
+        ranges, index, signal.signal_class
+    )
     operation = graph.operations[index]
     if isinstance(operation, Table):
         greatest = float(max(map(abs, operation.rows)))
@@ -62,7 +64,7 @@ def slot_of(graph: Graph, ranges: Ranges, index: int, signal: SignalName, *, uns
     return Slot(
         name=signal.name,
         signal_class=signal.signal_class,
-        signed=not (unsigned or signal.unsigned),
+        signed=not (unsigned or signal.unsigned or ranges.never_negative(index)),
         greatest=greatest,
     )
 

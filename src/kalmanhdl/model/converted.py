@@ -15,6 +15,7 @@ from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.signal import Array as Elements
 from kalmanhdl.model import checks
 from kalmanhdl.model.conversion import Conversion, Sight, conversion, measured, sight, sight_of
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Seen, driven, root
 from kalmanhdl.model.state_space import (
     Dynamics,
@@ -110,6 +111,11 @@ class ConvertedModel:
         return self.positions.nis_weight
 
     @property
+    def inputs(self) -> tuple[RunTimeInput, ...]:
+        """None."""
+        return ()
+
+    @property
     def seen(self) -> dict[int, Seen]:
         """None: no measurement is a state times a number."""
         return {}
@@ -163,6 +169,10 @@ class ConvertedModel:
     def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
         """Mean and covariance that ``initialise`` makes of debiased measurements."""
         return self.started(conversion(self.variances), x, z, u)
+
+    def measurement_errors(self, u: Array, noise: Array) -> Array:
+        """Errors of covariance R from standard normal noise (..., m)."""
+        return np.asarray(noise @ root(self.R).T)
 
     def first_states(self, random: np.random.Generator, tracks: int) -> Array:
         """True states (tracks, n) at the first plot: from the belief, or from anywhere that plots can be."""

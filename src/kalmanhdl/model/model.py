@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.signal import Array as Elements
 from kalmanhdl.math import wrap
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.units import Units
 
 Array = NDArray[np.float64]
@@ -110,6 +111,10 @@ class Model(Protocol):
         """Weight of each measurement in the normalised innovation squared, None for all one."""
 
     @property
+    def inputs(self) -> tuple[RunTimeInput, ...]:
+        """The run-time inputs, which are the last of the controls."""
+
+    @property
     def seen(self) -> dict[int, Seen]:
         """The measurements that are one state times a number, plus an offset."""
 
@@ -129,6 +134,9 @@ class Model(Protocol):
 
     def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
         """Mean (n,) and covariance (n, n) that ``initialise`` makes of z, u and the state kept before."""
+
+    def measurement_errors(self, u: Array, noise: Array) -> Array:
+        """Errors of the measurements (..., m) from standard normal noise (..., m), under u (..., p)."""
 
     def first_states(self, random: np.random.Generator, tracks: int) -> Array:
         """True states (tracks, n) at the first plot, as the start and the declared ranges let expect."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.graph.signal import Array as Elements
 from kalmanhdl.model import checks
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Seen, root
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.model.units import Units
@@ -100,6 +101,11 @@ class MultipleModel:
         return self.first.nis_weight
 
     @property
+    def inputs(self) -> tuple[RunTimeInput, ...]:
+        """None."""
+        return ()
+
+    @property
     def seen(self) -> dict[int, Seen]:
         """The measurements that are one state times a number in every mode."""
         return {
@@ -129,6 +135,10 @@ class MultipleModel:
     def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
         """Mean and covariance of the first mode's start."""
         return self.first.start(x, z, u)
+
+    def measurement_errors(self, u: Array, noise: Array) -> Array:
+        """Errors of covariance R from standard normal noise (..., m)."""
+        return np.asarray(noise @ root(self.R).T)
 
     def first_states(self, random: np.random.Generator, tracks: int) -> Array:
         """True states (tracks, n) at the first plot."""

@@ -10,9 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.signal import Array as Elements
+from kalmanhdl.graph.signal import named
 from kalmanhdl.model import checks
 from kalmanhdl.model.expression import RESERVED
 from kalmanhdl.model.formulas import Formulas, Given, formulas, texts
+from kalmanhdl.model.inputs import (
+    RunTimeInput,
+    checked_inputs,
+    covariance_formulas,
+    middle,
+    values,
+)
 from kalmanhdl.model.model import Seen, root
 from kalmanhdl.model.state_space import Dynamics, Initial, InitialRule, checked_initial
 from kalmanhdl.model.units import Units, divided
@@ -81,6 +89,11 @@ class NonlinearModel:
     texts: Texts = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     nis_weight: Array | None = None
+    # The last of the controls, and Q and R where they are formulas in them; Q and R above are then those
+    # in the middle of the inputs' limits.
+    inputs: tuple[RunTimeInput, ...] = ()
+    Q_formulas: Formulas | None = None
+    R_formulas: Formulas | None = None
 
     @property
     def n(self) -> int:
@@ -134,11 +147,36 @@ class NonlinearModel:
 
     def process_noise(self, x: Elements, u: Elements) -> Elements:
         """The covariance (n, n) of what chance adds to f(x, u)."""
+        Q = self._noise(u)
         if self.G is None:
-            return self.Q.astype(object)
+            return Q
         d, c = self.units.state, self.units.covariance
         gain = self.G(**self._real(x, u)).reshape(self.n, len(self.Q)) / (d * np.sqrt(c))[:, None]
-        return np.asarray(gain @ self.Q.astype(object) @ gain.T)
+        return np.asarray(gain @ Q @ gain.T)
+
+    def _noise(self, u: Elements) -> Elements:
+        """Q (q, q) of a step."""
+        if self.Q_formulas is None:
+            return self.Q.astype(object)
+        Q = named("inputs: Q", self.Q_formulas(u=u * self.units.control))
+        if self.G is not None:
+            return Q
+        return Q * divided(np.ones(Q.shape), self.units.state, self.units.covariance)
+
+    def measurement_noise(self, u: Elements) -> Elements:
+        """The covariance (m, m) of the measurements of a step."""
+        if self.R_formulas is None:
+            return self.R.astype(object)
+        measured = self.units.of_measured(self.dependence)
+        seen = divided(np.ones((self.m, self.m)), self.units.measurement, measured)
+        return named("inputs: R", self.R_formulas(u=u * self.units.control) * seen)
+
+    def measurement_errors(self, u: Array, noise: Array) -> Array:
+        """Errors of the step's R from standard normal noise (..., m), for controls u (..., p)."""
+        if self.R_formulas is None:
+            return np.asarray(noise @ root(self.R).T)
+        R = rows(self.measurement_noise(elements(u)), u.shape[:-1])
+        return np.asarray((np.linalg.cholesky(R) @ noise[..., None])[..., 0])
 
     def observation(self, x: Elements) -> Elements:
         """h(x)."""
@@ -159,9 +197,9 @@ class NonlinearModel:
         slope = initial.slope(**real) * (e / d[:, None])
         # R is in the units of the measurements' covariances, P in those of the states'.
         measured = self.units.of_measured(self.dependence)
-        R = self.R * np.sqrt(np.outer(measured, measured))
+        R = self.measurement_noise(u) * np.sqrt(np.outer(measured, measured))
         spread = np.sqrt(np.outer(self.units.covariance, self.units.covariance))
-        P = (slope @ R.astype(object) @ slope.T) / spread + initial.P.astype(object)
+        P = (slope @ R @ slope.T) / spread + initial.P.astype(object)
         return initial.mean(**real) / d, P
 
     def first_states(self, random: np.random.Generator, tracks: int) -> Array:
@@ -180,24 +218,33 @@ class NonlinearModel:
         """True states (steps, tracks, n) that begin with x; see ``model.model.Model``."""
         result = np.empty((len(u), *x.shape))
         result[0] = x
-        drift = noise @ root(self.Q).T
         for k in range(1, len(u)):
             before, controls = elements(result[k - 1]), elements(u[k])
+            drift = self._drift(controls, noise[k])
             moved = rows(self.transition(before, controls), x.shape[:1])
             if self.G is None:
-                result[k] = moved + drift[k]
+                result[k] = moved + drift
             else:
                 gain = rows(self.G(**self._real(before, controls)), x.shape[:1])
                 shape = (*x.shape[:1], self.n, len(self.Q))
-                result[k] = moved + np.einsum("tnq,tq->tn", gain.reshape(shape), drift[k]) / self.units.state
+                result[k] = moved + np.einsum("tnq,tq->tn", gain.reshape(shape), drift) / self.units.state
         return result
+
+    def _drift(self, u: Elements, noise: Array) -> Array:
+        """Noise (tracks, q) of the step's Q from standard normal noise."""
+        if self.Q_formulas is None:
+            return np.asarray(noise @ root(self.Q).T)
+        roots = np.stack([root(Q) for Q in rows(self._noise(u), noise.shape[:1])])
+        return np.asarray((roots @ noise[..., None])[..., 0])
 
     def in_units(self, units: Units) -> "NonlinearModel":
         """The same model in other units."""
         measured = units.of_measured(self.dependence)
         initial, limits = self.initial, self.measurement_range
+        scale = units.control[self.p - len(self.inputs) :]
         return replace(
             self,
+            inputs=tuple(each.divided(g) for each, g in zip(self.inputs, scale, strict=True)),
             Q=divided(self.Q, units.state, units.covariance) if self.G is None else self.Q,
             R=divided(self.R, units.measurement, measured),
             initial=initial.in_units(units)
@@ -215,13 +262,14 @@ class NonlinearModel:
 def nonlinear_model(
     f: Given,
     h: Given,
-    Q: ArrayLike,
-    R: ArrayLike,
+    Q: Any,
+    R: Any,
     *,
     initial: Initial | InitialRule | Measured,
     state_names: Sequence[str],
     measurement_names: Sequence[str],
     control_names: Sequence[str] = (),
+    inputs: Sequence[RunTimeInput] = (),
     constants: Mapping[str, float] | None = None,
     G: Sequence[Sequence[Any]] | Array | None = None,
     angles: Sequence[str] = (),
@@ -235,7 +283,8 @@ def nonlinear_model(
     and h(x), over arrays of elements, which computes with + - * / ** and ``kalmanhdl.math``. Q (n, n) is
     added to the state, or, with G (n, q), Q (q, q) is the covariance of a noise that enters by G, whose
     elements may be numbers and formulas as those of f. R is (m, m). ``angles`` are names of measurements
-    and states in rad, known but for whole turns.
+    and states in rad, known but for whole turns. ``inputs`` are run-time inputs: f and G name them as
+    controls, and entries of Q and R may be formulas in them.
 
     Raises:
         ModelError: names, formulas, shapes, covariances, a start that cannot be.
@@ -244,15 +293,20 @@ def nonlinear_model(
     measured = _listed("measurement", measurement_names, checks.MAX_MEASUREMENTS)
     measured = checks.names("measurement", measured, len(measured), "z")
     controls = checks.names("control", control_names, len(control_names), "u")
-    checks.check_columns(measured, controls)
     constants = dict(constants or {})
+    known = checked_inputs(inputs, (*states, *measured, *controls), constants)
+    context = (controls, known, constants)
+    controls = (*controls, *(each.name for each in known))
+    checks.check_columns(measured, controls)
     _check_names(states, measured, controls, constants)
     n, m = len(states), len(measured)
     moving = {"x": states, "u": controls}
     f_formulas = formulas("f", f, n, moving, constants)
     h_formulas = formulas("h", h, m, {"x": states}, constants)
-    gain, Q = _noise(G, Q, n, moving, constants)
-    R = checks.array("R", R, (m, m), f"R is {m} x {m}, a row a measurement")
+    varying_Q = _varying("Q", Q, n if G is None else len(Q), context, definite=False)
+    varying_R = _varying("R", R, m, context, definite=True)
+    gain, Q = _noise(G, varying_Q.fixed, n, moving, constants, keep=varying_Q.formulas is not None)
+    R = checks.array("R", varying_R.fixed, (m, m), f"R is {m} x {m}, a row a measurement")
     R = checks.covariance("R", R, definite=True)
     limits = checks.ranges(measurement_range, m)
     return NonlinearModel(
@@ -274,9 +328,49 @@ def nonlinear_model(
         units=Units(
             state=np.ones(n), measurement=np.ones(m), control=np.ones(len(controls)), covariance=np.ones(n)
         ),
-        texts=_texts({"f": f, "h": h, "x": initial.x if isinstance(initial, Measured) else ()}, G, gain),
+        texts=_texts(
+            {
+                "f": f,
+                "h": h,
+                "x": initial.x if isinstance(initial, Measured) else (),
+                "Q": varying_Q.entries,
+                "R": varying_R.entries,
+            },
+            G,
+            gain,
+        ),
         constants=constants,
+        inputs=known,
+        Q_formulas=varying_Q.formulas,
+        R_formulas=varying_R.formulas,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Covariance:
+    """A covariance in numbers, those in the middle of the inputs' limits where it is given by formulas."""
+
+    fixed: Any
+    formulas: Formulas | None = None
+    entries: Sequence[float | str] = ()
+
+
+def _varying(
+    key: str,
+    given: Any,
+    size: int,
+    context: tuple[Sequence[str], tuple[RunTimeInput, ...], Mapping[str, float]],
+    *,
+    definite: bool,
+) -> _Covariance:
+    controls, known, constants = context
+    rows = [row for row in given if isinstance(row, list | tuple)] if isinstance(given, list | tuple) else []
+    entries = [entry for row in rows for entry in row]
+    if not known or not any(isinstance(entry, str) for entry in entries):
+        return _Covariance(given)
+    found = covariance_formulas(key, rows, size, controls, known, constants, definite=definite)
+    u = middle(known, len(controls) + len(known))
+    return _Covariance(next(values(key, found, u[None]))[1], found, entries)
 
 
 def _listed(key: str, names: Sequence[str], most: int) -> Sequence[str]:
@@ -309,8 +403,11 @@ def _noise(
     n: int,
     arguments: Mapping[str, Sequence[str]],
     constants: Mapping[str, float],
+    *,
+    keep: bool,
 ) -> tuple[Formulas | None, Array]:
-    """The gain of the noise where it depends on states or controls, and Q, else none and G Q G'."""
+    """The gain of the noise where it depends on states or controls, or to ``keep``, and Q, else none and
+    G Q G'."""
     if G is None:
         return None, checks.array("Q", Q, (n, n), f"Q is {n} x {n}, a row a state")
     table = [row if isinstance(row, list | tuple | np.ndarray) else () for row in G]
@@ -319,7 +416,7 @@ def _noise(
         raise checks.fault("G", f" = {shown(G)}: G has {n} rows, one a state, each with one entry a noise")
     gain = formulas("G", [entry for row in table for entry in row], n * q, arguments, constants)
     matrix = checks.array("Q", Q, (q, q), f"Q is {q} x {q}, a row for each of the {q} columns of G")
-    if gain.dependence("x", n).any() or gain.dependence("u", len(arguments["u"])).any():
+    if keep or gain.dependence("x", n).any() or gain.dependence("u", len(arguments["u"])).any():
         return gain, matrix
     numbers = gain(x=np.zeros(n), u=np.zeros(len(arguments["u"]))).astype(np.float64).reshape(n, q)
     return None, np.asarray(numbers @ matrix @ numbers.T)

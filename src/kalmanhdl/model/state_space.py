@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.graph.signal import Array as Elements
 from kalmanhdl.model import checks
+from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Seen, driven, root
 from kalmanhdl.model.units import Units, divided
 from kalmanhdl.validation import KalmanhdlWarning
@@ -143,6 +144,11 @@ class LinearModel:
         return int(self.B.shape[1])
 
     @property
+    def inputs(self) -> tuple[RunTimeInput, ...]:
+        """None."""
+        return ()
+
+    @property
     def seen(self) -> dict[int, Seen]:
         """The measurements that are one state times a number, plus an offset."""
         return {
@@ -175,6 +181,10 @@ class LinearModel:
     def start(self, x: Elements, z: Elements, u: Elements) -> tuple[Elements, Elements]:
         """The mean of ``initial``, and its P."""
         return self.initial.mean(x, z, u), self.initial.P.astype(object)
+
+    def measurement_errors(self, u: Array, noise: Array) -> Array:
+        """Errors of covariance R from standard normal noise (..., m)."""
+        return np.asarray(noise @ root(self.R).T)
 
     def first_states(self, random: np.random.Generator, tracks: int) -> Array:
         """True states at the first plot: drawn from the given belief, or anywhere in the declared ranges."""

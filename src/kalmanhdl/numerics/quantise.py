@@ -54,6 +54,11 @@ _GUARD = 4
 MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
 
 
+def margin(ranges: Ranges, index: int, signal_class: str) -> float:
+    """How far beyond its range the format of an operation reaches; what is declared keeps its limits."""
+    return 1.0 if index in ranges.declared else MARGIN.get(signal_class, 1.0)
+
+
 # Their arguments are squared, or turned with as many bits as they have.
 _OF_POINTS = (Function.ARCTANGENT, Function.HYPOTENUSE)
 
@@ -300,11 +305,11 @@ class _Lowering:
             return Fixed(width=1, fraction=0, signed=False)
         self.signals.add(signal.name)
         wanted = self.specification.form(signal.signal_class, signal.name)
-        signed = not (unsigned or signal.unsigned)
+        signed = not (unsigned or signal.unsigned or self.ranges.never_negative(index))
         if isinstance(wanted, Fixed):
             return wanted if wanted.signed == signed or signed else _unsigned(wanted)
         greatest = max(abs(self.ranges.low[index]), abs(self.ranges.high[index]))
-        greatest *= MARGIN.get(signal.signal_class, 1.0)
+        greatest *= margin(self.ranges, index, signal.signal_class)
         operation = self.graph.operations[index]
         if isinstance(operation, Table):
             # Tracks that are long enough reach every row.

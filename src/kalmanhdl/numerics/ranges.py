@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
-from kalmanhdl.graph.operations import And, Constant, Flag, Graph, Not, Or, Select, State, operands
-from kalmanhdl.model.model import Model, root, within_turn
+from kalmanhdl.graph.operations import And, Constant, Flag, Graph, Input, Not, Or, Select, State, operands
+from kalmanhdl.model import inputs
+from kalmanhdl.model.model import Model, within_turn
 
 Array = NDArray[np.float64]
 
@@ -33,10 +34,18 @@ class Plots:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranges:
-    """The least and greatest value of each operation, in the graph's own units."""
+    """The least and greatest value of each operation, in the graph's own units.
+
+    Those of ``declared`` operations are limits that the model declares, and whoever drives it keeps.
+    """
 
     low: tuple[float, ...]
     high: tuple[float, ...]
+    declared: frozenset[int] = frozenset()
+
+    def never_negative(self, index: int) -> bool:
+        """Whether it is declared that a value is 0 or more."""
+        return index in self.declared and self.low[index] >= 0
 
 
 def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED) -> Plots:
@@ -68,14 +77,18 @@ class Drawn:
 
 def drawn(model: Model, random: np.random.Generator, steps: int, tracks: int) -> Drawn:
     """Tracks of a model, its noise and its measurements' noise drawn from ``random``; see ``simulated``."""
-    x, spread = model.first_states(random, tracks), root(model.R)
+    x = model.first_states(random, tracks)
     u, noise = np.zeros((steps, tracks, model.p)), np.zeros((steps, tracks, len(model.Q)))
     error = np.zeros((steps, tracks, model.m))
+    controls = model.p - len(model.inputs)
     for k in range(steps):
-        u[k] = random.standard_normal((tracks, model.p))
+        u[k, :, :controls] = random.standard_normal((tracks, controls))
         if k:
             noise[k] = random.standard_normal((tracks, len(model.Q)))
-        error[k] = random.standard_normal((tracks, model.m)) @ spread.T
+        error[k] = random.standard_normal((tracks, model.m))
+    if model.inputs:
+        u[..., controls:] = inputs.drawn(model.inputs, random, steps, tracks)
+    error = model.measurement_errors(u, error)
     truth = model.trajectories(x, u, noise, random)
     z = within_turn(model, rows(model.observation(elements(truth)), (steps, tracks)) + error)
     relevant = np.ones((steps, tracks), bool)
@@ -105,8 +118,23 @@ def observed(graph: Graph, model: Model, plots: Plots) -> Ranges:
             _widen(low, high, values, plots.relevant[k], starting if k < points else running)
         state = {name: np.broadcast_to(values[root], tracks) for name, root in graph.states}
     _hold_starts(graph, low, high)
+    declared = _declared(graph, model)
+    for index, each in declared.items():
+        low[index], high[index] = each.low, each.high
     known = np.isfinite(low) & np.isfinite(high)
-    return Ranges(low=tuple(np.where(known, low, 0.0)), high=tuple(np.where(known, high, 0.0)))
+    return Ranges(
+        low=tuple(np.where(known, low, 0.0)),
+        high=tuple(np.where(known, high, 0.0)),
+        declared=frozenset(declared),
+    )
+
+
+def _declared(graph: Graph, model: Model) -> dict[int, inputs.RunTimeInput]:
+    """The leaves that are run-time inputs."""
+    first = model.p - len(model.inputs)
+    known = {f"u[{first + k}]": each for k, each in enumerate(model.inputs)}
+    leaves = {k: op.name for k, op in enumerate(graph.operations) if isinstance(op, Input)}
+    return {index: known[name] for index, name in leaves.items() if name in known}
 
 
 def _hold_starts(graph: Graph, low: Array, high: Array) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.varying import VaryingModel
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.simulate.metrics import Consistency, chi_square_quantile, rmse
 from kalmanhdl.simulate.side_by_side import Simulation
@@ -41,6 +42,7 @@ def rate_sources(model: Model) -> dict[int, tuple[int, int]]:
     would make it an acceleration.
     """
     found: dict[int, tuple[int, int]] = {}
+    model = _linear(model)
     if not isinstance(model, LinearModel):
         return found
     for j, p in measured_states(model).items():
@@ -50,6 +52,11 @@ def rate_sources(model: Model) -> dict[int, tuple[int, int]]:
             if not through and model.F[p, p] == model.F[i, i] == 1:
                 found.setdefault(int(i), (j, p))
     return dict(sorted(found.items()))
+
+
+def _linear(model: Model) -> Model:
+    """A model that varies is in its form what it is in the middle of its inputs' limits."""
+    return model.fixed if isinstance(model, VaryingModel) else model
 
 
 def measured_states(model: Model) -> dict[int, int]:
@@ -64,6 +71,7 @@ def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ..
     F where the data has no times.
     """
     truth = simulation.plots.truth
+    model = _linear(model)
     if truth is None or not isinstance(model, LinearModel):
         return ()
     found = []

@@ -39,8 +39,10 @@ def basis(row: dict[str, Any], specification: FixedSpecification, model: Model) 
         return "the design"
     if row["exact"]:
         return "its operands"
-    declared = model.measurement_range is not None
-    return "declared range" if declared and row["class"] == "measurement" else "simulated tracks"
+    measured = model.measurement_range is not None and row["class"] == "measurement"
+    inputs = [f"u[{k}]" for k in range(model.p - len(model.inputs), model.p)]
+    declared = measured or (row["role"] == "input" and row["signal"] in inputs)
+    return "declared range" if declared else "simulated tracks"
 
 
 def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:

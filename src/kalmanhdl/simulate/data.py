@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.errors import DataError
+from kalmanhdl.model.inputs import RunTimeInput, outside
 from kalmanhdl.model.model import Model
 from kalmanhdl.validation import nearest, shown
 
@@ -43,14 +44,14 @@ class Plots:
 def read_plots(path: str | Path, model: Model) -> Plots:
     """The plots of a CSV or Parquet file (by its suffix) for a model.
 
-    Columns: the measurements and controls by name; optional ``track``, ``time`` (s) and
-    ``truth_<state>``; others are left alone. An empty cell, or ``nan``, is a missed measurement. Rows
-    of a track stand in the order of time.
+    Columns: the measurements and controls by name, run-time inputs among them, but for one that follows
+    from ``time``; optional ``track``, ``time`` (s) and ``truth_<state>``; others are left alone. An empty
+    cell, or ``nan``, is a missed measurement. Rows of a track stand in the order of time.
 
     Raises:
         DataError: a column is missing, a cell is no number or infinite, rows are ragged, time runs back
-            within a track, or the file is empty, unreadable or too large; the message names file, line,
-            column and value.
+            within a track, a run-time input is outside of its limits, or the file is empty, unreadable or
+            too large; the message names file, line, column and value.
     """
     source = Path(path)
     name = shown(str(path))[1:-1]
@@ -60,31 +61,77 @@ def read_plots(path: str | Path, model: Model) -> Plots:
     return _arranged(table, model)
 
 
-def plots_from_arrays(z: ArrayLike, model: Model, u: ArrayLike | None = None) -> Plots:
+def plots_from_arrays(
+    z: ArrayLike, model: Model, u: ArrayLike | None = None, time: ArrayLike | None = None
+) -> Plots:
     """The plots of arrays: z (steps, m) for one track or (steps, tracks, m), NaN where missed; u alike.
 
+    ``time`` (steps,) or (steps, tracks), in seconds. Where a run-time input follows from it, u has all
+    other columns.
+
     Raises:
-        DataError: a shape that does not suit the model, an infinite number, a control that is missing.
+        DataError: a shape that does not suit the model, an infinite number, a control that is missing, a
+            run-time input outside of its limits.
     """
     measured = _cube("z", z, model.m)
-    if u is None and model.p:
-        raise DataError(f"u is missing: the model has {model.p} control{'s' * (model.p > 1)}")
-    controls = _cube("u", np.zeros((*measured.shape[:2], 0)) if u is None else u, model.p)
+    times = None if time is None else _times(time, measured.shape[:2])
+    timed = None if times is None else _timed(model)
+    wanted = model.p - (timed is not None)
+    if u is None and wanted:
+        raise DataError(f"u is missing: the model has {wanted} control{'s' * (wanted > 1)}")
+    controls = np.zeros((*measured.shape[:2], 0)) if not wanted else _cube("u", u, wanted)  # type: ignore[arg-type]
     if controls.shape[:2] != measured.shape[:2]:
         raise DataError(
             f"u is for {controls.shape[:2]} steps and tracks, z for {measured.shape[:2]}: make them equal"
         )
+    if timed is not None and times is not None:
+        passed = np.diff(times, axis=0, prepend=np.nan)
+        controls = np.insert(controls, timed, _from_first(model, timed, passed), axis=2)
     if np.isnan(controls).any():
         raise DataError("u has a NaN: a control is known at every step")
+    wrong = outside(model.inputs, controls)
+    if wrong is not None:
+        (step, track), each = wrong
+        value = controls[step, track, model.control_names.index(each.name)]
+        raise DataError(f"step {step} of track {track}: {_beyond(each, value)}")
     steps, tracks = measured.shape[:2]
     return Plots(
         tracks=tuple(map(str, range(tracks))),
         z=measured,
         u=controls,
         active=np.ones((steps, tracks), dtype=bool),
-        time=None,
+        time=times,
         truth=None,
     )
+
+
+def _times(time: ArrayLike, shape: tuple[int, int]) -> Array:
+    try:
+        times = np.array(time, dtype=np.float64)
+        times = np.array(np.broadcast_to(times[:, None] if times.ndim == 1 else times, shape))
+    except (TypeError, ValueError, OverflowError):
+        problem = f"{shape[0]} times, or {shape[0]} x {shape[1]}"
+        raise DataError(f"time = {shown(time)} is not {problem}: one for each row of z") from None
+    if not np.isfinite(times).all():
+        raise DataError("time has a number that is not finite: every row has its time")
+    return times
+
+
+def _timed(model: Model) -> int | None:
+    """The place in u of the run-time input that is the time since the row before."""
+    first = model.p - len(model.inputs)
+    return next((first + k for k, each in enumerate(model.inputs) if each.from_time), None)
+
+
+def _from_first(model: Model, timed: int, passed: Array) -> Array:
+    """The time since the row before; a track's first row has none, and uses none."""
+    return np.where(np.isnan(passed), model.inputs[timed - model.p].low, passed)
+
+
+def _beyond(each: RunTimeInput, value: float) -> str:
+    limits = f"[{shown(each.low)}, {shown(each.high)}]"
+    remedy = "widen its range, or begin a new track there" if each.from_time else "widen its range"
+    return f"{each.name} = {shown(float(value))} is outside of {limits}: {remedy}"
 
 
 def _cube(name: str, value: ArrayLike, last: int) -> Array:
@@ -225,12 +272,8 @@ def _parquet(path: Path, name: str) -> _Table:
 def _arranged(table: _Table, model: Model) -> Plots:
     truths = _truth_columns(table, model)
     measured = [_required(table, name, "measurement") for name in model.measurement_names]
-    controls = [_required(table, name, "control") for name in model.control_names]
-    for name, column in zip(model.control_names, controls, strict=True):
-        missing = np.flatnonzero(np.isnan(column))
-        if len(missing):
-            raise DataError(f"{table.place(int(missing[0]), name)}: empty: a control is known at every step")
     ids, track, step = _places(table)
+    controls = _controls(table, model, track, step)
     times = table.numbers("time") if "time" in table.columns else None
     if times is not None:
         _check_order(table, ids, track, times)
@@ -258,6 +301,35 @@ def _arranged(table: _Table, model: Model) -> Plots:
         time=None if times is None else spread([times])[:, :, 0],
         truth=spread(truths) if truths else None,
     )
+
+
+def _controls(table: _Table, model: Model, track: NDArray[np.int64], step: NDArray[np.int64]) -> list[Array]:
+    """The columns of controls and run-time inputs, one of which may follow from the column ``time``."""
+    timed, first = _timed(model), model.p - len(model.inputs)
+    found = []
+    for k, name in enumerate(model.control_names):
+        derived = k == timed and name not in table.columns
+        what = f"time, from which {name} follows," if derived else "control" if k < first else "input"
+        column = _required(table, "time", what) if derived else _required(table, name, what)
+        place = "time" if derived else name
+        missing = np.flatnonzero(np.isnan(column))
+        if len(missing):
+            raise DataError(f"{table.place(int(missing[0]), place)}: empty: a control is known at every step")
+        found.append(_from_first(model, k, _passed(column, track, step)) if derived else column)
+        wrong = outside(model.inputs[k - first : k - first + 1], found[-1][:, None]) if k >= first else None
+        if wrong is not None:
+            (row,), each = wrong
+            raise DataError(f"{table.place(row, place)}: {_beyond(each, found[-1][row])}")
+    return found
+
+
+def _passed(times: Array, track: NDArray[np.int64], step: NDArray[np.int64]) -> Array:
+    """The time that passed since the row before of the same track, NaN for its first row."""
+    passed = np.full(len(times), np.nan)
+    order = np.lexsort((step, track))
+    same = np.diff(track[order]) == 0
+    passed[order[1:][same]] = np.diff(times[order])[same]
+    return passed
 
 
 def _check_order(table: _Table, ids: tuple[str, ...], track: NDArray[np.int64], times: Array) -> None:
