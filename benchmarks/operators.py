@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from amaranth.hdl import Module, Shape, Signal, UnusedElaboratable, Value, signed
-from amaranth.lib.data import Layout
-from amaranth.lib.wiring import Component, Flow, In, Out
+from amaranth.hdl import Module, Shape, UnusedElaboratable, signed
+from amaranth.lib.wiring import Component, In, Out
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -37,6 +36,7 @@ from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.datapath import Datapath
 from kalmanhdl.rtl.divider import IterativeDivider, LongDivider
 from kalmanhdl.rtl.interface import interface
+from kalmanhdl.rtl.isolated import Between
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.quantiser import quantised
 from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
@@ -64,30 +64,6 @@ class Operator:
     latency: int
     busy: int
     make: Callable[[], Component]
-
-
-class Between(Component):
-    """A component between registers: one row of them at its inputs, one at its outputs."""
-
-    def __init__(self, core: Component) -> None:
-        self.core = core
-        super().__init__({name: _plain(member) for name, member in core.signature.members.items()})
-
-    def elaborate(self, platform: object) -> Module:
-        m = Module()
-        m.submodules.core = self.core
-        for name, member in self.core.signature.members.items():
-            inner, outer = (getattr(one, name) for one in (self.core, self))
-            source, sink = (outer, inner) if member.flow == Flow.In else (inner, outer)
-            register = Signal(Shape(len(Value.cast(source))), name=f"between_{name}", reset_less=True)
-            m.d.sync += register.eq(source)
-            m.d.comb += sink.eq(register)
-        return m
-
-
-def _plain(member: object) -> object:
-    shape = member.shape.size if isinstance(member.shape, Layout) else Shape.cast(member.shape).width
-    return In(shape) if member.flow == Flow.In else Out(shape)
 
 
 class Adder(Component):

@@ -1,5 +1,7 @@
 """The long divider is the definition of a quotient, whatever its radix, its intervals and its registers."""
 
+from fractions import Fraction
+from math import floor
 from random import Random
 
 import pytest
@@ -73,6 +75,36 @@ def test_a_known_interval_leaves_the_quotients_inside_it_as_they_are(seed):
         for _ in range(200)
     ]
     check(cores, stimuli)
+
+
+def at_boundaries(core: LongDivider, random: Random, count: int) -> list[dict[str, int]]:
+    """Operands whose quotients lie at, just below and just above a number of the format, or between two."""
+    a, b = core.dividend_operand, core.divisor_operand
+    scale = Fraction(2) ** (b.form.fraction - a.form.fraction + core.form.fraction)
+    stimuli = []
+    while len(stimuli) < count:
+        divisor = random.randrange(1, 1 << random.randrange(1, b.width + 1))
+        twice = random.randint(2 * core.form.lowest, 2 * core.form.highest + 1) >> random.randrange(
+            core.form.width
+        )
+        for dividend in (floor(Fraction(twice, 2) * divisor / scale) + k for k in (-1, 0, 1, 2)):
+            if a.low <= dividend <= a.high and divisor <= b.high:
+                stimuli.append({"dividend": dividend, "divisor": divisor})
+    return stimuli
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_quotients_at_the_boundaries_of_rounding_are_the_defined_ones(seed):
+    random = Random(seed)
+    width = random.randrange(16, 33)
+    half = 1 << (width - 1)
+    form = Fixed(width=random.randrange(6, width), fraction=random.randrange(width), signed=seed != 1)
+    dividend = operand(width, random.randrange(width), -half, half - 1)
+    divisor = operand(width, random.randrange(width), 0, 2 * half - 1)
+    cores = [
+        LongDivider(dividend, divisor, form, rounding, radix) for rounding in Rounding for radix in (2, 4)
+    ]
+    check(cores, at_boundaries(cores[0], random, 600))
 
 
 @pytest.mark.slow

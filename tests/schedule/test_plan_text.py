@@ -95,7 +95,11 @@ def test_every_typed_graph_parses_back(typed: TypedGraph):
         ("[-16256, 16384]  # shift", "# shift", "line 12: '%3 = shift"),
         ("table_newton(index_bits=4", "table_newton(bits=4", "line 19: 'table_newton(bits=4"),
         ("half_up", "up", "line 19"),
-        ("logic booth", "logic", "line 21: 'in logic' is not understood: write 'in logic booth' or 'in logic w"),
+        (
+            "logic booth",
+            "logic",
+            "line 21: 'in logic' is not understood: write 'in logic booth' or 'in logic w",
+        ),
         ("violations\n", "", "the text has no section 'violations'"),
         (
             "violations\n",

@@ -9,7 +9,7 @@ from kalmanhdl.pipeline import Progress, silent
 from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.validation import nearest, shown
 
-PAPERS = ("bhatia2012", "kumar2014", "liu2007", "wu2012")
+PAPERS = ("bhatia2012", "kumar2014", "lee1997", "liu2007", "wu2012")
 
 
 def reproduce(paper: str, progress: Progress = silent) -> Reproduction:
