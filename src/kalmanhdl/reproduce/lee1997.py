@@ -5,19 +5,24 @@ tables, with Wallace multipliers and array dividers.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from kalmanhdl.arithmetic.division_structure import Operand
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.arithmetic.product_structure import LogicProduct
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.pipeline import Progress, silent
 from kalmanhdl.reproduce.facts import facts
-from kalmanhdl.reproduce.lee1997_parts import parts
+from kalmanhdl.reproduce.lee1997_parts import parts, sum_of
 from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import area
 from kalmanhdl.toolchain.nextpnr import best, place_and_route
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog, synthesise_ecp5
+
+if TYPE_CHECKING:
+    from kalmanhdl.rtl.datapath import Datapath
 
 # So slow a clock that nothing is pipelined.
 _NO_PIPELINE_MHZ = 1.0
@@ -44,15 +49,20 @@ class Figures:
 
 def part_luts(name: str, product: LogicProduct) -> int:
     """The 4-input look-up tables of a part, carry chains of one a bit among them, after synthesis."""
-    from kalmanhdl.rtl.datapath import Datapath
-    from kalmanhdl.rtl.interface import interface
     from kalmanhdl.rtl.verilog import to_rtlil
 
-    typed = parts(product)[name]
+    core = _combinational(parts(product)[name])
+    return area(rtlil_to_verilog(to_rtlil(core, "part"), "part"), "part", "lut4").luts
+
+
+def _combinational(typed: TypedGraph) -> "Datapath":
+    """The hardware of a graph in one stage, without multiplier blocks."""
+    from kalmanhdl.rtl.datapath import Datapath
+    from kalmanhdl.rtl.interface import interface
+
     part = device("ecp5-25k", 8)
     plan = schedule(typed, part, 1, 1, clock_mhz=_NO_PIPELINE_MHZ, multiplier_blocks=0)
-    verilog = rtlil_to_verilog(to_rtlil(Datapath(plan, interface(plan)), "part"), "part")
-    return area(verilog, "part", "lut4").luts
+    return Datapath(plan, interface(plan))
 
 
 def speeds(progress: Progress = silent) -> dict[str, Speed]:
@@ -67,6 +77,7 @@ def speeds(progress: Progress = silent) -> dict[str, Speed]:
     operand = Operand(form=Fixed(width=17, fraction=0, signed=False), low=0, high=(1 << 17) - 1)
     quotient = Fixed(width=8, fraction=8, signed=False)
     cores = {
+        "adder 18": _combinational(sum_of(18)),
         "multiplier 17 by 8, Wallace": Multiplier(wide, gain, 0, False, LogicProduct.WALLACE),
         "multiplier 17 by 8, Booth": Multiplier(wide, gain, 0, False, LogicProduct.BOOTH),
         "multiplier 17 by 8, DSP block": Multiplier(wide, gain),
@@ -112,7 +123,7 @@ def reproduction(found: Figures) -> Reproduction:
         rows.append((f"{name}, ns", f"{printed:g}", f"{speed.nanoseconds:.1f}", cost))
     return Reproduction(
         title="Lee & Salcic 1997: table 1 part by part, and the operators of section 5.3",
-        columns=("", "paper", "Wallace or own", "Booth, or its cost"),
+        columns=("", "paper", "kalmanhdl", "with Booth; of an operator, its cost"),
         rows=tuple(rows),
         notes=_notes(data["chosen"]),
         charts={},

@@ -89,6 +89,14 @@ def parts(product: LogicProduct) -> dict[str, TypedGraph]:
     return {name: found[name].typed(product) for name in facts("lee1997")["cells"]}
 
 
+def sum_of(width: int) -> TypedGraph:
+    """A sum of so many bits."""
+    steps, form = _Steps(), Fixed(width=width, fraction=0)
+    total = steps(Add(*(steps(Input(f"z[{k}]"), form) for k in range(2))))
+    steps.shown("x[0]", steps.bits(total, form))
+    return steps.typed(LogicProduct.BOOTH)
+
+
 def _gain() -> Fixed:
     width = facts("lee1997")["bits"]["gain"]
     return Fixed(width=width, fraction=width, signed=False)
