@@ -31,6 +31,7 @@ _LOWERING = (
     "flatten",
     "memory -nomap",
     "memory_map",
+    "dffunmap",
     "async2sync",
     "chformal -lower",
     "setundef -undriven -anyseq",
