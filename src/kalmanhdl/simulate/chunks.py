@@ -19,32 +19,30 @@ _NAME = re.compile(r"\bv\d+\b")
 class Chunk:
     """Consecutive statements. ``loads`` come from earlier chunks, ``stores`` are for later ones.
 
-    ``sinks[k]`` are the lines of the k-th kind of use whose variables this chunk is the last to define.
+    ``sinks`` are the lines whose variables this chunk is the last to define.
     """
 
     statements: tuple[Statement, ...]
-    sinks: tuple[tuple[str, ...], ...]
+    sinks: tuple[str, ...]
     loads: tuple[Statement, ...]
     stores: tuple[Statement, ...]
 
 
-def split(statements: Sequence[Statement], sinks: Sequence[Sequence[str]]) -> tuple[Chunk, ...]:
+def split(statements: Sequence[Statement], sinks: Sequence[str]) -> tuple[Chunk, ...]:
     """Cut statements into chunks, and put each sink (a line that uses variables) where it can be."""
     pieces = [statements[k : k + CHUNK] for k in range(0, len(statements), CHUNK)] or [[]]
     home = {s.name: k for k, piece in enumerate(pieces) for s in piece}
-    placed: list[list[list[str]]] = [[[] for _ in sinks] for _ in pieces]
-    for kind, lines in enumerate(sinks):
-        for line in lines:
-            placed[max((home[name] for name in _names([line])), default=0)][kind].append(line)
+    placed: list[list[str]] = [[] for _ in pieces]
+    for line in sinks:
+        placed[max((home[name] for name in _names([line])), default=0)].append(line)
     used = [
-        _names([s.expression for s in piece] + [line for lines in extra for line in lines])
-        for piece, extra in zip(pieces, placed, strict=True)
+        _names([*(s.expression for s in piece), *lines]) for piece, lines in zip(pieces, placed, strict=True)
     ]
     last = {name: k for k, names in enumerate(used) for name in names}
     return tuple(
         Chunk(
             statements=tuple(piece),
-            sinks=tuple(tuple(lines) for lines in placed[k]),
+            sinks=tuple(placed[k]),
             loads=tuple(s for s in statements if s.name in used[k] and home[s.name] < k),
             stores=tuple(s for s in piece if last.get(s.name, k) > k),
         )

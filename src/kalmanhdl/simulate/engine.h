@@ -16,10 +16,26 @@
 #endif
 /* Written out at every use, operations of long integers would take minutes to compile. */
 #define CALL static __attribute__((noinline, unused))
+/* As many tracks as the processor's vectors have 32-bit integers. */
+#if defined(__AVX512F__)
+#define LANES 16
+#elif defined(__AVX2__)
+#define LANES 8
+#else
+#define LANES 4
+#endif
+const int32_t lanes = LANES;
+
+/* Groups that go through a step before the next: as many as keep old and new states in the second-level cache, so
+   that rows of arrays are read and written in long runs. */
+enum { STATES_SIZE = 1 << 17 };
+#define GROUPS_OF(state) (STATES_SIZE / 2 / (sizeof(state) + 1) + 1)
+
 #define EACH for (int k = 0; k < LANES; k++)
 
 typedef int32_t i32 __attribute__((vector_size(4 * LANES)));
 typedef int64_t i64 __attribute__((vector_size(8 * LANES)));
+typedef float floats __attribute__((vector_size(4 * LANES)));
 typedef double reals __attribute__((vector_size(8 * LANES)));
 typedef struct { __int128 lane[LANES]; } i128;
 typedef struct { wide lane[LANES]; } iwide;
@@ -43,10 +59,6 @@ CALL i128 i128_of_iwide(iwide a) { i128 r; EACH r.lane[k] = wide_low(a.lane[k]);
     INLINE type left_##type(type a, int count) { return a << count; }                                    \
     INLINE type right_##type(type a, int count) { return a >> count; }                                   \
     INLINE type shift_##type(type a, i32 count) { return a << __builtin_convertvector(count, type); }    \
-    INLINE i32 less_##type(type a, type b) { i32 r; EACH r[k] = -(a[k] < b[k]); return r; }              \
-    INLINE i32 equal_##type(type a, type b) { i32 r; EACH r[k] = -(a[k] == b[k]); return r; }            \
-    INLINE type minimum_##type(type a, type b) { EACH a[k] = a[k] < b[k] ? a[k] : b[k]; return a; }      \
-    INLINE type maximum_##type(type a, type b) { EACH a[k] = a[k] > b[k] ? a[k] : b[k]; return a; }      \
     INLINE type select_##type(i32 flag, type a, type b)                                                  \
     {                                                                                                    \
         type mask = __builtin_convertvector(flag, type);                                                 \
@@ -54,6 +66,25 @@ CALL i128 i128_of_iwide(iwide a) { i128 r; EACH r.lane[k] = wide_low(a.lane[k]);
     }
 OF_VECTORS(i32, int32_t)
 OF_VECTORS(i64, int64_t)
+
+INLINE i32 less_i32(i32 a, i32 b) { return a < b; }
+INLINE i32 equal_i32(i32 a, i32 b) { return a == b; }
+INLINE i32 minimum_i32(i32 a, i32 b) { EACH a[k] = a[k] < b[k] ? a[k] : b[k]; return a; }
+INLINE i32 maximum_i32(i32 a, i32 b) { EACH a[k] = a[k] > b[k] ? a[k] : b[k]; return a; }
+
+/* The sign of a difference, whether or not it overflows: vectors of two registers are compared lane by lane. */
+INLINE i32 less_i64(i64 a, i64 b)
+{
+    i64 difference = a - b;
+    return __builtin_convertvector((difference ^ ((a ^ b) & (difference ^ a))) >> 63, i32);
+}
+INLINE i32 equal_i64(i64 a, i64 b)
+{
+    i64 difference = a ^ b;
+    return ~__builtin_convertvector((difference | -difference) >> 63, i32);
+}
+INLINE i64 minimum_i64(i64 a, i64 b) { return select_i64(less_i64(a, b), a, b); }
+INLINE i64 maximum_i64(i64 a, i64 b) { return select_i64(less_i64(a, b), b, a); }
 
 #define OF_LONGS(type, one)                                                                              \
     CALL type all_##type(one a) { type r; EACH r.lane[k] = a; return r; }                                \
@@ -93,32 +124,40 @@ INLINE int32_t int128_less(int128 a, int128 b) { return a < b; }
 INLINE int32_t int128_equal(int128 a, int128 b) { return a == b; }
 INLINE int32_t int128_length(int128 a)
 {
-    return a >> 64 ? 128 - __builtin_clzll((uint64_t)(a >> 64)) : 64 - __builtin_clzll((uint64_t)a);
+    return a >> 64 ? 128 - __builtin_clzll((uint64_t)(a >> 64)) : 64 - __builtin_clzll((uint64_t)a | 1);
 }
 OF_LONGS(i128, int128)
 OF_LONGS(iwide, wide)
 
-/* The number of bits of values above zero. */
+/* The number of bits of values above zero: the exponent of a floating-point number. The bit below the leading one
+   is taken off, so that rounding does not carry into another power of two. */
+#if defined(__AVX512CD__)
 INLINE i32 length_i32(i32 a) { EACH a[k] = 32 - __builtin_clz((uint32_t)a[k]); return a; }
 INLINE i32 length_i64(i64 a) { i32 r; EACH r[k] = 64 - __builtin_clzll((uint64_t)a[k]); return r; }
-
-/* Floors of quotients, for divisors above zero; the second of integers below 2**52, clamped. */
-CALL i64 divide_i64(i64 a, i64 b) { EACH a[k] = a[k] / b[k] - (a[k] % b[k] < 0); return a; }
-INLINE i64 divide_short(i64 a, i64 b, double low, double high)
+#else
+INLINE i32 length_i32(i32 a) { return ((i32)__builtin_convertvector(a & ~(a >> 1), floats) >> 23) - 126; }
+INLINE i32 length_i64(i64 a)
 {
-    reals exact = __builtin_convertvector(a, reals) / __builtin_convertvector(b, reals);
-    EACH exact[k] = exact[k] < low ? low : exact[k];
-    EACH exact[k] = exact[k] > high ? high : exact[k];
-    i64 quotient = __builtin_convertvector(exact, i64);
-    reals whole = __builtin_convertvector(quotient, reals);
-    EACH quotient[k] -= exact[k] < whole[k];
-    return quotient;
+    i64 b = a & ~(a >> 1), two52 = (i64)((reals){0} + 0x1p52), two84 = (i64)((reals){0} + 0x1p84);
+    reals upper = (reals)((b >> 32) | two84) - (0x1p84 + 0x1p52), lower = (reals)((b & UINT32_MAX) | two52);
+    return __builtin_convertvector(((i64)(upper + lower) >> 52) - 1022, i32);
+}
+#endif
+
+/* Floors of quotients, for divisors above zero; the second of integers below 2**51, which are doubles once they
+   stand in the last bits of 1.5 * 2**52, and come back likewise. */
+CALL i64 divide_i64(i64 a, i64 b) { EACH a[k] = a[k] / b[k] - (a[k] % b[k] < 0); return a; }
+INLINE i64 divide_short(i64 a, i64 b)
+{
+    reals middle = (reals){0} + 0x1.8p52;
+    reals exact = ((reals)(a + (i64)middle) - middle) / ((reals)(b + (i64)middle) - middle), nearest = exact + middle;
+    return (i64)nearest - (i64)middle + ((i64)(exact - (nearest - middle)) >> 63);
 }
 
 INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[index[k]]; return index; }
 
 /* Rows of a caller's array, from element `at` on; of the last group of a row only the first `n` tracks. */
-#define ROWS(name, element, type, through)                                                                       \
+#define ROWS(name, element, type, through)                                                               \
     typedef element vector_##name __attribute__((vector_size(sizeof(element) * LANES), aligned(1)));     \
     CALL type load_part_##name(const element *from, int64_t n)                                           \
     {                                                                                                    \
@@ -141,7 +180,7 @@ INLINE i32 look_up(const int32_t *table, i32 index) { EACH index[k] = table[inde
         if (n < LANES)                                                                                   \
             store_part_##name(row, n, a);                                                                \
         else                                                                                             \
-            *(vector_##name *)row = __builtin_convertvector(a, vector_##name);                           \
+            *(vector_##name *)row = through(a, vector_##name);                                           \
     }
 /* Compilers make few instructions of one doubling of the width after the other. */
 typedef int16_t i16 __attribute__((vector_size(2 * LANES)));

@@ -21,7 +21,7 @@ from kalmanhdl.simulate.compiler import find_compiler, shared_library
 from kalmanhdl.simulate.fallback import run_interpreted
 from kalmanhdl.simulate.generate_c import generate
 from kalmanhdl.simulate.limbs import Integers
-from kalmanhdl.simulate.program import LANES, Program
+from kalmanhdl.simulate.program import Program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,8 +140,10 @@ def _run_compiled(
     program: Program, library: Path, arrays: Arrays, results: Results, monitor: bool
 ) -> tuple[list[int], dict[int, Interval]]:
     counts = np.zeros(len(program.counted) + len(program.violations), np.int64)
-    lows, highs = ([empty(port, (LANES,)) for port in program.watched] for _ in range(2))
-    function: Callable[..., int] = getattr(_loaded(library), f"{program.name}_run")
+    loaded = _loaded(library)
+    lanes = ctypes.c_int32.in_dll(loaded, "lanes").value
+    lows, highs = ([empty(port, (lanes,)) for port in program.watched] for _ in range(2))
+    function: Callable[..., int] = getattr(loaded, f"{program.name}_run")
     seen = function(
         ctypes.c_int64(arrays.steps),
         ctypes.c_int64(arrays.tracks),

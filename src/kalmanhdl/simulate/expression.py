@@ -7,7 +7,7 @@ its own definition as C.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from itertools import pairwise
 
@@ -55,13 +55,19 @@ class Writer:
     ``minimum_bits`` forces wider types than the bounds ask for, which must not change any result.
     ``widest`` is the number of bits that the widest value needed. ``tables`` names the arrays of
     ``int32_t`` that the statements read, by their contents.
+
+    An ``optimistic`` step takes values to be inside of their limits and only looks whether they are, which
+    is less to compute: where ``surprises`` is true, nothing that the step gave means anything. What such
+    a step then computes with may be any integer of its type.
     """
 
     minimum_bits: int = 0
+    optimistic: bool = False
     widest: int = 0
     statements: list[Statement] = field(default_factory=list)
     tables: dict[tuple[int, ...], str] = field(default_factory=dict)
     _names: dict[tuple[str, str], str] = field(default_factory=dict)
+    _above: dict[tuple[Kind, int], str] = field(default_factory=dict)
 
     def kind(self, low: int, high: int) -> Kind:
         """The narrowest type that holds both integers, at least ``minimum_bits`` wide."""
@@ -91,6 +97,27 @@ class Writer:
     def literal(self, number: int) -> "Value":
         """A value known when the C is written."""
         return Value(self, None, number, number)
+
+    def expect(self, value: "Value", low: int, bits: int) -> None:
+        """Be surprised where a value is not from ``low`` up to less than ``2**bits`` above it."""
+        kind = value.kind
+        place = (kind, bits)
+        offset = value.at(kind)
+        if low:
+            offset = f"subtract_{kind.c_type}({offset}, {literal_text(low, kind)})"
+        before = self._above.get(place)
+        self._above[place] = self.bind(kind.c_type, f"{before} | {offset}" if before else offset)
+
+    @property
+    def surprises(self) -> list[str]:
+        """Expressions of which one is not 0 where a value was not where it was expected."""
+        found = []
+        for (kind, bits), name in self._above.items():
+            above = self.bind(kind.c_type, f"right_{kind.c_type}({name}, {bits})")
+            if kind is Kind.INT64 and bits < Kind.INT32:
+                above = self.bind(kind.c_type, f"{above} | right_{kind.c_type}({above}, {Kind.INT32})")
+            found.append(cast(above, kind, Kind.INT32))
+        return found
 
     def flag(self, expression: str) -> "Flag":
         """A flag of an expression that is 0 or -1."""
@@ -126,12 +153,16 @@ def _element(number: int, kind: Kind) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
-    """A C integer between ``low`` and ``high``; without ``text`` it is the constant ``low``."""
+    """A C integer between ``low`` and ``high``; without ``text`` it is the constant ``low``.
+
+    ``terms``, if there are any, are values with shifts to the left and signs, whose sum it is.
+    """
 
     writer: Writer
     text: str | None
     low: int
     high: int
+    terms: "tuple[Term, ...]" = ()
 
     @property
     def kind(self) -> Kind:
@@ -156,15 +187,30 @@ class Value:
         text = f"{name}_{kind.c_type}({self.at(kind)}, {other.at(kind)})"
         return self.writer.value(text, kind, low, high)
 
+    def _sum(self, name: str, other: "Value", low: int, high: int) -> "Value":
+        value = self._call(name, other, low, high)
+        if value.text is None or value.kind is Kind.INT32:
+            return value
+        turned = name == "subtract"
+        others = (replace(term, is_negative=term.is_negative != turned) for term in other._parts)
+        terms = (*self._parts, *others)
+        return replace(value, terms=terms) if len(terms) <= _TERMS else value
+
+    @property
+    def _parts(self) -> "tuple[Term, ...]":
+        return self.terms or (Term(self, 0),)
+
     def __add__(self, other: "Value | int") -> "Value":
         other = self.lift(other)
         if other.low == other.high == 0:
             return self
-        return self._call("add", other, self.low + other.low, self.high + other.high)
+        if self.low == self.high == 0:
+            return other
+        return self._sum("add", other, self.low + other.low, self.high + other.high)
 
     def __sub__(self, other: "Value | int") -> "Value":
         other = self.lift(other)
-        return self._call("subtract", other, self.low - other.high, self.high - other.low)
+        return self._sum("subtract", other, self.low - other.high, self.high - other.low)
 
     def __rsub__(self, other: int) -> "Value":
         return self.lift(other) - self
@@ -179,10 +225,13 @@ class Value:
         kind = self.writer.kind(low, high)
         if count == 0 or low == high:
             return self.writer.value(self.at(kind), kind, low, high)
-        return self.writer.value(f"left_{kind.c_type}({self.at(kind)}, {count})", kind, low, high)
+        value = self.writer.value(f"left_{kind.c_type}({self.at(kind)}, {count})", kind, low, high)
+        return replace(value, terms=tuple(replace(term, shift=term.shift + count) for term in self._parts))
 
     def __rshift__(self, count: int) -> "Value":
         kind = self.kind
+        if self.terms and (shorter := _shifted_by_terms(self, count)):
+            return shorter
         text = f"right_{kind.c_type}({self.at(kind)}, {min(count, kind - 1)})"
         return self.writer.value(text, kind, self.low >> count, self.high >> count)
 
@@ -193,6 +242,31 @@ class Value:
             value = value._call("maximum", self.lift(low), low, max(low, value.high))
         if value.high > high:
             value = value._call("minimum", self.lift(high), min(high, value.low), high)
+        return value
+
+    def limited(self, low: int, high: int) -> "tuple[Value, Flag]":
+        """The nearest value within limits, and whether that is another one; see ``Writer``."""
+        if low <= self.low and self.high <= high:
+            return self, Flag(self.writer, "", False)
+        if self._is_expected(low, high):
+            self.writer.expect(self, low, (high - low).bit_length())
+            return self.known(low, high), Flag(self.writer, "", False)
+        value = self.clamped(low, high)
+        return value, value.differs(self)
+
+    def _is_expected(self, low: int, high: int) -> bool:
+        kind, size = self.kind, high - low + 1
+        fits = size & (size - 1) == 0 and kind <= Kind.INT64 and high < 1 << kind - 1
+        return self.writer.optimistic and fits and low <= self.high and self.low <= high
+
+    def forced(self, low: int, high: int) -> "Value":
+        """The value, within limits whatever it is in an optimistic step."""
+        if not self.writer.optimistic or self.text is None:
+            return self
+        value, kind = self, self.kind
+        for name, limit in (("maximum", low), ("minimum", high)):
+            text = f"{name}_{kind.c_type}({value.at(kind)}, {literal_text(limit, kind)})"
+            value = Value(self.writer, self.writer.bind(kind.c_type, text), self.low, self.high)
         return value
 
     def __and__(self, mask: int) -> "Value":
@@ -233,6 +307,48 @@ class Value:
     def _compare(self, name: str, other: "Value") -> "Flag":
         kind = max(self.kind, other.kind)
         return self.writer.flag(f"{name}_{kind.c_type}({self.at(kind)}, {other.at(kind)})")
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A part of a sum: a value times a power of two."""
+
+    value: Value
+    shift: int
+    is_negative: bool = False
+
+
+# A right shift looks through sums of so many terms.
+_TERMS = 8
+
+
+def _summed(terms: Sequence[Term], down: int) -> tuple[Value, Kind]:
+    """The sum of terms, with shifts less by ``down``, and the widest type that it takes."""
+    total = terms[0].value.lift(0)
+    widest = Kind.INT32
+    for term in terms:
+        part = term.value << (term.shift - down)
+        total = total - part if term.is_negative else total + part
+        widest = max(widest, part.kind, total.kind)
+    return total, widest
+
+
+def _shifted_by_terms(value: Value, count: int) -> Value | None:
+    """A right shift of a sum by shifts of its terms, where that takes a narrower type than the sum.
+
+    Terms that end above the bits that are dropped have no part in the floor.
+    """
+    above = [term for term in value.terms if term.shift >= count]
+    below = [term for term in value.terms if term.shift < count]
+    least = min((term.shift for term in below), default=0)
+    if not below or not (above or least):
+        return None
+    low, widest = _summed(below, least)
+    high, other = _summed(above, count) if above else (value.lift(0), Kind.INT32)
+    total = high + (low >> (count - least))
+    if max(widest, other, total.kind) >= value.kind:
+        return None
+    return total.known(value.low >> count, value.high >> count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,6 +434,7 @@ def row_of(rows: Sequence[int], index: Value) -> Value:
         upper = row_of([row >> _PIECE for row in rows], index)
         lower = row_of([row & (1 << _PIECE) - 1 for row in rows], index)
         return ((upper << _PIECE) + lower).known(low, high)
-    writer, place = index.writer, index.clamped(0, len(rows) - 1)
+    last = len(rows) - 1
+    writer, place = index.writer, index.clamped(0, last).forced(0, last)
     text = f"look_up({writer.table(tuple(rows))}, {place.at(Kind.INT32)})"
     return writer.value(text, Kind.INT32, low, high)

@@ -11,7 +11,7 @@ from kalmanhdl.simulate.expression import Flag as FlagText
 from kalmanhdl.simulate.expression import Kind, Value, Writer
 from kalmanhdl.simulate.generate_float import float_header, float_program
 from kalmanhdl.simulate.lowering import Lowering, lower
-from kalmanhdl.simulate.program import GROUPS, INITIALISE, LANES, Parts, Port, Program, assembled, kept_state
+from kalmanhdl.simulate.program import INITIALISE, Body, Parts, Port, Program, assembled, next_state
 
 
 def generate(
@@ -25,14 +25,14 @@ def generate(
     programs = tuple(
         float_program(f"p{i}", graph)
         if isinstance(graph, FloatGraph)
-        else _program(f"p{i}", graph, Writer(minimum_bits, tables=tables))
+        else _program(f"p{i}", graph, minimum_bits, tables)
         for i, graph in enumerate(graphs)
     )
     limbs = max(2, -(-max((program.bits for program in programs), default=0) // 64))
     integers = [graph for graph in graphs if isinstance(graph, TypedGraph)]
     divisions = sorted({g.division.index_bits for g in integers if isinstance(g.division, TableNewton)})
     folder = files("kalmanhdl.simulate")
-    parts = [f"#define WIDE_LIMBS {limbs}", f"#define LANES {LANES}", f"enum {{ GROUPS = {GROUPS} }};"]
+    parts = [f"#define WIDE_LIMBS {limbs}"]
     parts += [(folder / name).read_text(encoding="utf-8") for name in ("wide.h", "engine.h")]
     parts += float_header([graph.form for graph in graphs if isinstance(graph, FloatGraph)])
     parts += [_table(f"reciprocal_table_{bits}", reciprocal_table(bits)) for bits in divisions]
@@ -44,8 +44,9 @@ def _table(name: str, rows: Sequence[int]) -> str:
     return f"static const int32_t {name}[] = {{{', '.join(map(str, rows))}}};"
 
 
-def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
-    lowering = lower(typed, writer)
+def _program(name: str, typed: TypedGraph, minimum_bits: int, tables: dict[tuple[int, ...], str]) -> Program:
+    writer, quick = (Writer(minimum_bits, optimistic, tables=tables) for optimistic in (False, True))
+    lowering, quickly = lower(typed, writer), lower(typed, quick)
     operations = typed.graph.operations
     inputs = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Input))
     flags = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Flag))
@@ -56,6 +57,9 @@ def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
     chosen = {i for i, o in enumerate(operations) if isinstance(o, kept)} | set(typed.graph.roots)
     watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if not p.flag)
     counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
+    # Sinks first: they may write statements.
+    given = _step_sinks(quickly, states, outputs) + _hits(quickly)
+    seen = _step_sinks(lowering, states, outputs) + _watch_sinks(lowering, flags, watched, counted)
     parts = Parts(
         name=name,
         inputs=inputs,
@@ -64,14 +68,13 @@ def _program(name: str, typed: TypedGraph, writer: Writer) -> Program:
         outputs=outputs,
         watched=watched,
         counts=len(counted) + len(typed.violations),
-        statements=writer.statements,
-        step_sinks=_step_sinks(lowering, states, outputs, counted),
-        watch_sinks=_watch_sinks(lowering, flags, watched, counted),
+        step=Body(quick.statements, given),
+        watch=Body(writer.statements, seen),
     )
     return Program(
         name=name,
         text=assembled(parts),
-        bits=writer.widest,
+        bits=max(writer.widest, quick.widest),
         inputs=inputs,
         flags=flags,
         states=states,
@@ -90,7 +93,7 @@ def _port(lowering: Lowering, name: str, index: int) -> Port:
 
 
 def _next_states(lowering: Lowering, states: Sequence[Port]) -> list[str]:
-    """The statements that keep the states of live tracks."""
+    """The statements that give states their next values."""
     lines = []
     for port, (_, root) in zip(states, lowering.typed.graph.states, strict=True):
         if port.flag:
@@ -99,7 +102,7 @@ def _next_states(lowering: Lowering, states: Sequence[Port]) -> list[str]:
             assert isinstance(port.kind, Kind)
             new = lowering.aligned(root, lowering.form(port.index).fraction).known(port.low, port.high)
             text = new.at(port.kind)
-        lines.append(kept_state(port, text))
+        lines.append(next_state(port, text))
     return lines
 
 
@@ -111,13 +114,16 @@ def _signal_text(lowering: Lowering, port: Port) -> str:
     return signal.c
 
 
-def _step_sinks(
-    lowering: Lowering, states: Sequence[Port], outputs: Sequence[Port], counted: Sequence[int]
-) -> list[str]:
-    """The lines of a step that use its variables: new states, outputs, and whether anything saturated."""
-    hits = dict.fromkeys(f"out->hit |= {lowering.saturations[i].nonzero};" for i in counted)
+def _step_sinks(lowering: Lowering, states: Sequence[Port], outputs: Sequence[Port]) -> list[str]:
+    """The lines of a step that use its variables: new states and outputs."""
     texts = dict.fromkeys(f"out->x{p.index} = {_signal_text(lowering, p)};" for p in outputs)
-    return [*_next_states(lowering, states), *texts, *hits]
+    return [*_next_states(lowering, states), *texts]
+
+
+def _hits(lowering: Lowering) -> list[str]:
+    """The lines that tell whether anything left its format, or is not what the step took it for."""
+    flags = [flag.nonzero for flag in lowering.saturations.values() if flag.known is not False]
+    return [f"out->hit |= {text};" for text in dict.fromkeys([*flags, *lowering.writer.surprises])]
 
 
 def _watch_sinks(

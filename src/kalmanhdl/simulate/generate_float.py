@@ -36,7 +36,16 @@ from kalmanhdl.graph.operations import (
 from kalmanhdl.graph.operations import Flag as FlagInput
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.simulate.expression import FLAG, Flag, Kind, Writer
-from kalmanhdl.simulate.program import INITIALISE, FloatKind, Parts, Port, Program, assembled, kept_state
+from kalmanhdl.simulate.program import (
+    INITIALISE,
+    Body,
+    FloatKind,
+    Parts,
+    Port,
+    Program,
+    assembled,
+    next_state,
+)
 
 # Formats whose rounded arithmetic processors have, and their types in float.h.
 _NATIVE = {Float(8, 23): "binary32", Float(11, 52): "binary64"}
@@ -104,6 +113,11 @@ def float_program(name: str, typed: FloatGraph) -> Program:
     text = ""
     if is_compiled(typed.form):
         lowering = _lowered(typed, name)
+        unbounded = _unbounded(lowering)
+        given = _step_sinks(lowering, states, outputs)
+        hits = [f"out->hit |= {flag.c};" for flag in unbounded]
+        seen = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(unbounded)]
+        statements = lowering.writer.statements
         parts = Parts(
             name=name,
             inputs=inputs,
@@ -112,9 +126,8 @@ def float_program(name: str, typed: FloatGraph) -> Program:
             outputs=outputs,
             watched=(),
             counts=len(typed.violations),
-            statements=lowering.writer.statements,
-            step_sinks=_step_sinks(lowering, states, outputs),
-            watch_sinks=_watch_sinks(lowering),
+            step=Body(statements, [*given, *hits]),
+            watch=Body(statements, [*given, *seen]),
         )
         text = "\n".join([*lowering.tables, assembled(parts)])
     return Program(
@@ -282,10 +295,6 @@ def _unbounded(lowering: _Lowering) -> list[Flag]:
 
 def _step_sinks(lowering: _Lowering, states: Sequence[Port], outputs: Sequence[Port]) -> list[str]:
     pairs = zip(states, lowering.typed.graph.states, strict=True)
-    kept = [kept_state(port, lowering.text(root)) for port, (_, root) in pairs]
+    following = [next_state(port, lowering.text(root)) for port, (_, root) in pairs]
     shown = dict.fromkeys(f"out->x{port.index} = {lowering.text(port.index)};" for port in outputs)
-    return [*kept, *shown, *(f"out->hit |= {flag.c};" for flag in _unbounded(lowering))]
-
-
-def _watch_sinks(lowering: _Lowering) -> list[str]:
-    return [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(_unbounded(lowering))]
+    return [*following, *shown]

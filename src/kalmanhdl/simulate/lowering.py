@@ -138,14 +138,15 @@ def _loaded(lowering: Lowering, index: int, place: str) -> Value:
 
 
 def _outside(raw: Value, form: Fixed) -> Flag:
-    return raw.clamped(form.lowest, form.highest).differs(raw)
+    return raw.limited(form.lowest, form.highest)[1]
 
 
 def _fitted(lowering: Lowering, index: int, raw: Value, form: Fixed, overflow: Overflow) -> Value:
     if form.lowest <= raw.low and raw.high <= form.highest:
         return raw
-    lowering.saturations[index] = _outside(raw, form)
-    value = raw.clamped(form.lowest, form.highest) if overflow is Overflow.SATURATE else wrapped(raw, form)
+    clamped, lowering.saturations[index] = raw.limited(form.lowest, form.highest)
+    is_wrapped = overflow is Overflow.WRAP and lowering.saturations[index].known is not False
+    value = wrapped(raw, form) if is_wrapped else clamped
     assert isinstance(value, Value)
     return value
 

@@ -1,8 +1,9 @@
 """What a program of the engine is: the C of one step, in the loops that run it over groups of tracks.
 
-A group is as many tracks as the C has lanes. Per program the C has three functions: ``step`` computes one
-step of a group; ``watch`` the same, and counts what saturated and keeps the extremes; ``run`` loads, steps
-and stores. ``watch`` runs only if something saturated or if asked for.
+A group is as many tracks as the C has lanes. Per program the C has four functions: ``step`` computes one
+step of a group, and may take it that nothing saturates; ``watch`` computes it whatever happens, counts what
+saturated and keeps the extremes; ``keep`` gives tracks without a step their old states; ``run`` loads,
+steps and stores. ``watch`` runs only where ``step`` found that something saturated, or if asked for.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,11 +11,6 @@ from dataclasses import dataclass
 
 from kalmanhdl.simulate.chunks import Chunk, split
 from kalmanhdl.simulate.expression import Kind, Statement, cast, literal_text, signed_bits
-
-# Tracks of a group: the 32-bit integers of the widest vectors that processors have.
-LANES = 16
-# Groups that go through a step before the next: their states stay in the first-level cache.
-GROUPS = 8
 
 # The narrowest arrays hold their integers as these types of the C; wider integers have arrays of limbs.
 _ROWS = {
@@ -91,12 +87,17 @@ class Program:
     watched: tuple[Port, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Statements, and the lines that use their variables."""
+
+    statements: Sequence[Statement]
+    sinks: Sequence[str]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What a step is made of: statements, and the lines that use their variables.
-
-    ``counts`` are the integers of the member ``counts`` of what ``watch`` keeps.
-    """
+    """What a program is made of. ``counts`` are the integers of ``counts``, of what ``watch`` keeps."""
 
     name: str
     inputs: tuple[Port, ...]
@@ -105,21 +106,19 @@ class Parts:
     outputs: tuple[Port, ...]
     watched: tuple[Port, ...]
     counts: int
-    statements: Sequence[Statement]
-    step_sinks: Sequence[str]
-    watch_sinks: Sequence[str]
+    step: Body
+    watch: Body
 
 
 def assembled(parts: Parts) -> str:
     """The C of a program."""
-    chunks = split(parts.statements, [parts.step_sinks, parts.watch_sinks])
-    return "\n".join([_structures(parts), _functions(parts, chunks), _run(parts)])
+    functions = [_functions(parts, "step", parts.step), _functions(parts, "watch", parts.watch)]
+    return "\n".join([_structures(parts), *functions, _keep(parts), _run(parts)])
 
 
-def kept_state(port: Port, text: str) -> str:
-    """The line that gives a state its next value where the track is live."""
-    place = f"x{port.index}"
-    return f"next->{place} = select_{port.kind.c_type}(in->live, {text}, old->{place});"
+def next_state(port: Port, text: str) -> str:
+    """The line that gives a state its next value."""
+    return f"next->x{port.index} = {text};"
 
 
 def _members(ports: Iterable[Port]) -> str:
@@ -137,21 +136,28 @@ enum {{ {parts.name}_counts = {counts} }};
 typedef struct {{ i32 seen; i32 counts[{counts}]; {extremes} }} {parts.name}_watched;"""
 
 
-def _functions(parts: Parts, chunks: Sequence[Chunk]) -> str:
-    """The functions ``step`` and ``watch``, each calling one function a chunk."""
-    name = parts.name
+def _functions(parts: Parts, what: str, body: Body) -> str:
+    """The function ``step`` or ``watch``, calling one function a chunk."""
+    name, chunks = parts.name, split(body.statements, body.sinks)
     waiting = " ".join(f"{s.c_type} {s.name};" for chunk in chunks for s in chunk.stores)
-    given = f"const {name}_in *restrict in, const {name}_state *restrict old, {name}_mid *restrict mid"
+    given = f"const {name}_in *restrict in, const {name}_state *restrict old"
     given += f", {name}_state *restrict next, {name}_out *restrict out"
-    watched = f", {name}_watched *restrict w"
-    texts = [f"typedef struct {{ {waiting} }} {name}_mid;"]
-    for what, kinds, more, passed in (("step", 1, "", ""), ("watch", 2, watched, ", w")):
-        for k, chunk in enumerate(chunks):
-            lines = [*_body(chunk), *(line for sinks in chunk.sinks[:kinds] for line in sinks)]
-            texts.append(_function(f"{name}_{what}_{k}", given + more, lines))
-        calls = [f"{name}_{what}_{k}(in, old, mid, next, out{passed});" for k in range(len(chunks))]
-        texts.append(_function(f"{name}_{what}", given + more, ["out->hit = (i32){0};", *calls]))
-    return "\n".join(texts)
+    given, passed = (f"{given}, {name}_watched *restrict w", ", w") if what == "watch" else (given, "")
+    inner = f"{given}, {name}_{what}_mid *restrict mid"
+    texts = [f"typedef struct {{ {waiting} }} {name}_{what}_mid;"]
+    for k, chunk in enumerate(chunks):
+        texts.append(_function(f"{name}_{what}_{k}", inner, [*_body(chunk), *chunk.sinks]))
+    calls = [f"{name}_{what}_{k}(in, old, next, out{passed}, &mid);" for k in range(len(chunks))]
+    lines = ["out->hit = (i32){0};", f"{name}_{what}_mid mid;", *calls]
+    return "\n".join([*texts, _function(f"{name}_{what}", given, lines)])
+
+
+def _keep(parts: Parts) -> str:
+    name = parts.name
+    given = f"i32 live, const {name}_state *restrict old, {name}_state *restrict next"
+    places = [(f"x{port.index}", port.kind.c_type) for port in parts.states]
+    lines = [f"next->{x} = select_{kind}(live, next->{x}, old->{x});" for x, kind in places]
+    return _function(f"{name}_keep", given, lines)
 
 
 def _function(name: str, parameters: str, lines: Iterable[str]) -> str:
@@ -211,11 +217,36 @@ def _run(parts: Parts) -> str:
     return f"""
 typedef struct {{
     {name}_in in;
-    {name}_mid mid;
-    {name}_state states[2][GROUPS];
     {name}_out out;
     {name}_watched watched;
+    int32_t watches;
+    {name}_state states[2][GROUPS_OF({name}_state)];
 }} {name}_block;
+
+/* A step of the n tracks from element `at` of each array on. */
+INLINE void {name}_group({name}_block *b, const {name}_state *old, {name}_state *next, int64_t at, int64_t n,
+                         const void *const *inputs, const void *const *flags, const uint8_t *active,
+                         void *const *outputs, void *const *records, int64_t *counts, int32_t monitor)
+{{
+    {_lines(loads, 4)}
+    b->in.live = first_lanes(n);
+    if (active)
+        b->in.live &= -load_uint8(active, at, n);
+    if (!monitor)
+        {name}_step(&b->in, old, next, &b->out);
+    if (monitor || any(b->out.hit & b->in.live)) {{
+        {name}_watch(&b->in, old, next, &b->out, &b->watched);
+        b->watched.seen |= b->in.live;
+        if (++b->watches == INT32_MAX)  /* What a lane can count. */
+            b->watches = sum_up({name}_counts, b->watched.counts, counts);
+    }}
+    if (active || n < LANES)
+        {name}_keep(b->in.live, old, next);
+    {_lines(outs, 4)}
+    if (records) {{
+        {_lines(records, 8)}
+    }}
+}}
 
 /* Arrays are (steps, tracks), states (tracks), extremes (lanes), first all least ones, then the greatest.
    Returns 1 if something was watched, -1 without memory. */
@@ -228,37 +259,26 @@ int32_t {name}_run(int64_t steps, int64_t tracks, const void *const *inputs, con
         return -1;
     memset(b, 0, sizeof *b);
     uint64_t surroundings = begin_arithmetic();
-    int32_t watched = 0;
     {_lines(empty, 4)}
-    for (int64_t first = 0; first < tracks; first += GROUPS * LANES) {{
-        int64_t end = tracks - first < GROUPS * LANES ? tracks : first + GROUPS * LANES;
+    enum {{ TRACKS = GROUPS_OF({name}_state) * LANES }};
+    for (int64_t first = 0; first < tracks; first += TRACKS) {{
+        int64_t end = tracks - first < TRACKS ? tracks : first + TRACKS;
         for (int64_t track = first; track < end; track += LANES) {{
             int64_t n = end - track < LANES ? end - track : LANES;
             {name}_state *old = &b->states[0][(track - first) / LANES];
             {_lines(first, 12)}
         }}
-        for (int64_t step = 0; step < steps; step++)
-            for (int64_t track = first; track < end; track += LANES) {{
-                int64_t n = end - track < LANES ? end - track : LANES, at = step * tracks + track;
-                int64_t group = (track - first) / LANES;
-                {name}_state *old = &b->states[step & 1][group], *next = &b->states[~step & 1][group];
-                {_lines(loads, 16)}
-                b->in.live = first_lanes(n);
-                if (active)
-                    b->in.live &= -load_uint8(active, at, n);
-                if (!monitor)
-                    {name}_step(&b->in, old, &b->mid, next, &b->out);
-                if (monitor || any(b->out.hit & b->in.live)) {{
-                    {name}_watch(&b->in, old, &b->mid, next, &b->out, &b->watched);
-                    b->watched.seen |= b->in.live;
-                    if (++watched == INT32_MAX)  /* What a lane can count. */
-                        watched = sum_up({name}_counts, b->watched.counts, counts);
-                }}
-                {_lines(outs, 16)}
-                if (records) {{
-                    {_lines(records, 20)}
-                }}
-            }}
+        for (int64_t step = 0; step < steps; step++) {{
+            const {name}_state *old = b->states[step & 1];
+            {name}_state *next = b->states[~step & 1];
+            int64_t track = first;
+            for (; track + LANES <= end; track += LANES)
+                {name}_group(b, old++, next++, step * tracks + track, LANES, inputs, flags, active, outputs,
+                             records, counts, monitor);
+            if (track < end)
+                {name}_group(b, old, next, step * tracks + track, end - track, inputs, flags, active, outputs,
+                             records, counts, monitor);
+        }}
         for (int64_t track = first; track < end; track += LANES) {{
             int64_t n = end - track < LANES ? end - track : LANES;
             {name}_state *old = &b->states[steps & 1][(track - first) / LANES];

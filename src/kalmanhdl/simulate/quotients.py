@@ -1,6 +1,6 @@
 """Quotients and reciprocals of ``arithmetic.division``, written as C over ``Value``.
 
-The C divides in double where dividend and divisor are shorter than 53 bits: the rounded quotient of
+The C divides in double where dividend and divisor are shorter than 52 bits: the rounded quotient of
 two such integers never reaches an integer that the exact quotient does not, so its floor is exact.
 """
 
@@ -10,7 +10,7 @@ from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNew
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding, rounded
 from kalmanhdl.simulate.expression import Flag, Kind, Value, choose
 
-_DOUBLE_BITS = 52
+_DOUBLE_BITS = 51
 
 
 def divide(
@@ -25,8 +25,8 @@ def divide(
     zero, divisor = _positive(divisor)
     exponent = divisor_fraction - dividend_fraction + form.fraction + 1
     numerator, denominator = dividend << max(exponent, 0), divisor << max(-exponent, 0)
-    quotient, sticky = _floor_quotient(numerator, denominator, form, _decides(mode))
-    result, out = _clamped(rounded((quotient << 1) + sticky, 2, mode), form)
+    quotient, sticky = _floor_quotient(numerator, denominator, _decides(mode))
+    result, out = rounded((quotient << 1) + sticky, 2, mode).limited(form.lowest, form.highest)
     limit = choose(dividend < 0, form.lowest, form.highest)
     return choose(zero, limit, result), zero | out
 
@@ -44,7 +44,7 @@ def reciprocal(
     approximation = _table_newton(_shifted(divisor, missing, length), length, method, form)
     aligned = _shifted(approximation, missing, approximation.high.bit_length() + length - 1)
     dropped = method.fractions(form)[-1] + length - divisor_fraction - form.fraction
-    result, out = _clamped(rounded(aligned, dropped, mode), form)
+    result, out = rounded(aligned, dropped, mode).limited(form.lowest, form.highest)
     return choose(zero, form.highest, result), zero | out
 
 
@@ -61,30 +61,19 @@ def _decides(mode: Rounding) -> bool:
     return any(rounded(2 * bits, 2, mode) != rounded(2 * bits + 1, 2, mode) for bits in range(-4, 4))
 
 
-def _clamped(value: Value, form: Fixed) -> tuple[Value, Flag]:
-    result = value.clamped(form.lowest, form.highest)
-    return result, result.differs(value)
-
-
-def _floor_quotient(numerator: Value, denominator: Value, form: Fixed, sticky: bool) -> tuple[Value, Value]:
-    """The floor of the quotient, and 1 if it is not exact.
-
-    A quotient far outside of the format may come back as another one far outside.
-    """
+def _floor_quotient(numerator: Value, denominator: Value, sticky: bool) -> tuple[Value, Value]:
+    """The floor of the quotient, and 1 if it is not exact."""
     writer = numerator.writer
     corners = [n // d for n in (numerator.low, numerator.high) for d in (denominator.low, denominator.high)]
     low, high = min(corners), max(corners)
     widest = max(map(abs, (numerator.low, numerator.high, denominator.high)))
     kind = max(numerator.kind, denominator.kind)
     if widest < 1 << _DOUBLE_BITS and kind <= Kind.INT64:
-        low, high = max(low, 2 * form.lowest - 4), min(high, 2 * form.highest + 4)
-        if low > high:
-            low = high = low if low > 2 * form.highest else high
         return _double_quotient(numerator, denominator, low, high, sticky)
     kind = max(kind, Kind.INT64)
     if kind is Kind.WIDE:
         writer.widest = max(writer.widest, numerator.high.bit_length() + 2, denominator.high.bit_length() + 2)
-    text = f"divide_{kind.c_type}({numerator.at(kind)}, {denominator.at(kind)})"
+    text = f"divide_{kind.c_type}({numerator.at(kind)}, {denominator.forced(1, denominator.high).at(kind)})"
     quotient = writer.value(text, kind, low, high)
     if not sticky:
         return quotient, writer.literal(0)
@@ -94,7 +83,7 @@ def _floor_quotient(numerator: Value, denominator: Value, form: Fixed, sticky: b
 def _double_quotient(n: Value, d: Value, low: int, high: int, sticky: bool) -> tuple[Value, Value]:
     writer, kind = n.writer, Kind.INT64
     a, b = n.at(kind), d.at(kind)
-    quotient = writer.value(f"divide_short({a}, {b}, {float(low)!r}, {float(high)!r})", kind, low, high)
+    quotient = writer.value(f"divide_short({a}, {b})", kind, low, high)
     if not sticky:
         return quotient, writer.literal(0)
     # The remainder is less than the divisor: a product that wraps still tells whether it is zero.
@@ -105,7 +94,7 @@ def _double_quotient(n: Value, d: Value, low: int, high: int, sticky: bool) -> t
 def _missing_bits(divisor: Value, length: int) -> Value:
     """The zeros above the leading one of a positive divisor, in ``length`` bits."""
     text = f"length_{divisor.kind.c_type}({divisor.at(divisor.kind)})"
-    return length - divisor.writer.value(text, Kind.INT32, 1, length)
+    return (length - divisor.writer.value(text, Kind.INT32, 1, length)).forced(0, length - 1)
 
 
 def _shifted(value: Value, count: Value, length: int) -> Value:
