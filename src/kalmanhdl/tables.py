@@ -16,7 +16,7 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
-from kalmanhdl.report.accuracy import against_truth
+from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
 from kalmanhdl.report.document import document, operation_counts
 from kalmanhdl.report.formats import basis, formats
 from kalmanhdl.report.record import Record
@@ -101,7 +101,11 @@ def _cells(found: Implementation | AreaFigures) -> str:
 
 
 def accuracy_table(model: Model, simulation: Simulation) -> str:
-    """For each state the root mean square errors of float reference and engine, and between the two."""
+    """For each state the root mean square errors of float reference and engine, and between the two.
+
+    Below it rates beside what two plots in succession say, and whether the innovations are as large as the
+    model says.
+    """
     between = rmse(simulation.exact.x, simulation.reference.x)
     columns = [("state", *model.state_names), ("unit", *(unit or "-" for unit in model.state_units))]
     if simulation.plots.truth is not None:
@@ -110,7 +114,33 @@ def accuracy_table(model: Model, simulation: Simulation) -> str:
         columns += [("rmse float", *map(_figure, reference)), ("rmse hardware", *map(_figure, exact))]
     columns.append(("hardware to float", *map(_figure, between)))
     counts = f"{simulation.saturations} saturations, {simulation.stimulus.clipped} inputs out of range"
-    return f"{_aligned(zip(*columns, strict=True))}\n{counts}"
+    parts = [_aligned(zip(*columns, strict=True)), _differenced(model, simulation), _nis(model, simulation)]
+    return "\n".join([part for part in parts if part] + [counts])
+
+
+def _differenced(model: Model, simulation: Simulation) -> str:
+    """Rates beside two-point differencing of the plots, at the steps where there are two."""
+    found = differencing(model, simulation)
+    lines: list[Sequence[str]] = [("rate", "unit", "steps", "rmse of two plots", "float", "hardware")]
+    for one in found:
+        name, unit = model.state_names[one.state], model.state_units[one.state] or "-"
+        errors = (one.rmse, one.rmse_reference, one.rmse_bitexact)
+        lines.append((name, unit, str(one.samples), *map(_figure, errors)))
+    return _aligned(lines) if found else ""
+
+
+def _nis(model: Model, simulation: Simulation) -> str:
+    """The mean NIS of float reference and hardware, and whether it lies in its band."""
+    used = updated(simulation, model.initial.before_update)
+    reference, exact = (mean_nis(each.nis, used) for each in (simulation.reference, simulation.exact))
+    if not exact.samples:
+        return ""
+    verdict = "inside" if exact.consistent else "below" if exact.mean < exact.low else "above"
+    return (
+        f"NIS: mean {exact.mean:.3f} (float {reference.mean:.3f}) of {exact.samples} updates, {verdict} its "
+        f"band of 95 %, {exact.low:.3f} to {exact.high:.3f}; {nis_inside(simulation.exact.nis, used):.1%} of "
+        "updates below their limit of 95 %"
+    )
 
 
 def verification_table(found: Sequence[Verification]) -> str:

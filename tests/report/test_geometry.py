@@ -6,10 +6,11 @@ from hypothesis import strategies as st
 
 from kalmanhdl.model.initial import given as given_start
 from kalmanhdl.model.state_space import linear_model
-from kalmanhdl.report.accuracy import mean_nis, rate_sources, updated
+from kalmanhdl.report.accuracy import mean_nis, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
 from kalmanhdl.report.geometry import Kind, ellipse, plane, points
 from kalmanhdl.report.lanes import lanes
+from kalmanhdl.report.plots import rate_sources
 from kalmanhdl.schedule.summary import Row
 
 
@@ -36,7 +37,8 @@ def test_range_and_bearing_are_drawn_on_a_plane(radar, nile):
 
 
 def test_velocity_is_the_rate_of_a_position_and_acceleration_is_not():
-    assert rate_sources(axes(("x", "y"), ("m", "m"))) == {1: (0, 0), 4: (1, 3)}
+    shown = np.array([True, False, False, True, False, False])
+    assert rate_sources(axes(("x", "y"), ("m", "m")), shown) == {1: 0, 4: 3}
 
 
 def test_an_ellipse_holds_95_per_cent_of_the_positions_it_stands_for(radar):

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.model.model import Model
-from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.model.varying import VaryingModel
+from kalmanhdl.report.plots import plot_rates, plot_states, rate_sources
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.simulate.metrics import Consistency, chi_square_quantile, rmse
 from kalmanhdl.simulate.side_by_side import Simulation
@@ -24,59 +23,27 @@ Array = NDArray[np.float64]
 class Differencing:
     """A rate from the last two plots, beside the filters at the same steps; errors against the truth.
 
-    ``state`` and ``measurement`` are indices; all errors are root mean squares in the state's unit.
+    ``state`` is the rate's index, ``of`` that of the state it is the rate of; all errors are root mean
+    squares in the rate's unit.
     """
 
     state: int
-    measurement: int
+    of: int
     samples: int
     rmse: float
     rmse_reference: float
     rmse_bitexact: float
 
 
-def rate_sources(model: Model) -> dict[int, tuple[int, int]]:
-    """The states that are the rate of a measured one, each with that measurement and the measured state.
-
-    State i is the rate of state p where F carries i into p directly, not by way of a third state, which
-    would make it an acceleration.
-    """
-    found: dict[int, tuple[int, int]] = {}
-    model = _linear(model)
-    if not isinstance(model, LinearModel):
-        return found
-    for j, p in measured_states(model).items():
-        carried = [i for i in np.flatnonzero(model.F[p]) if i != p]
-        for i in carried:
-            through = any(k not in (i, p) and model.F[k, i] != 0 for k in carried)
-            if not through and model.F[p, p] == model.F[i, i] == 1:
-                found.setdefault(int(i), (j, p))
-    return dict(sorted(found.items()))
-
-
-def _linear(model: Model) -> Model:
-    """A model that varies is in its form what it is in the middle of its inputs' limits."""
-    return model.fixed if isinstance(model, VaryingModel) else model
-
-
-def measured_states(model: Model) -> dict[int, int]:
-    """The measurements of a single state, each with that state."""
-    return {j: seen.state for j, seen in model.seen.items()}
-
-
 def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ...]:
-    """Two-point differencing of every measured rate whose truth is known.
-
-    A difference of two successive plots is divided by the time between them, or by the T that stands in
-    F where the data has no times.
-    """
+    """Two-point differencing of every rate of what plots show, where its truth is known."""
     truth = simulation.plots.truth
-    model = _linear(model)
-    if truth is None or not isinstance(model, LinearModel):
+    if truth is None:
         return ()
     found = []
-    for i, (j, p) in rate_sources(model).items():
-        rate = plot_rates(model, simulation, i, j, p)
+    shown = np.asarray(~np.isnan(plot_states(model, simulation.plots)).all(axis=(0, 1)))
+    for i, p in rate_sources(model, shown).items():
+        rate = plot_rates(model, simulation.plots, i, p)
         known = simulation.valid & ~np.isnan(rate) & ~np.isnan(truth[..., i])
         if known.any():
             errors = (rate, simulation.reference.x[..., i], simulation.exact.x[..., i])
@@ -84,7 +51,7 @@ def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ..
             found.append(
                 Differencing(
                     state=i,
-                    measurement=j,
+                    of=p,
                     samples=int(known.sum()),
                     rmse=plain,
                     rmse_reference=reference,
@@ -94,21 +61,9 @@ def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ..
     return tuple(found)
 
 
-def states_shown(model: Model, z: Array, j: int) -> Array:
-    """The states that plots of a measurement of one state show. Shapes (..., m) and (...)."""
-    seen = model.seen[j]
-    return np.asarray((z[..., j] - seen.offset) / seen.factor)
-
-
-def plot_rates(model: LinearModel, simulation: Simulation, i: int, j: int, p: int) -> Array:
-    """The rate i of state p from each plot j and the one before it, NaN where one is missed."""
-    plots = simulation.plots
-    position = states_shown(model, plots.z, j)
-    rate = np.full(position.shape, np.nan)
-    passed = np.diff(plots.time, axis=0) if plots.time is not None else model.F[p, i]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rate[1:] = np.diff(position, axis=0) / passed
-    return np.where(np.isfinite(rate), rate, np.nan)
+def measured_states(model: Model) -> dict[int, int]:
+    """The measurements of a single state, each with that state."""
+    return {j: seen.state for j, seen in model.seen.items()}
 
 
 def updated(simulation: Simulation, before_update: bool) -> NDArray[np.bool_]:
@@ -139,6 +94,17 @@ def mean_nis(nis: Array, used: NDArray[np.bool_]) -> Consistency:
         high=chi_square_quantile(0.975, total) / samples,
         samples=samples,
     )
+
+
+def nis_inside(nis: Array, used: NDArray[np.bool_]) -> float:
+    """The share of updates whose NIS is below what 95 % of them are if the model is right.
+
+    Shapes as of ``mean_nis``.
+    """
+    degrees = used.sum(axis=-1)
+    counted = (degrees > 0) & ~np.isnan(nis)
+    limits = np.array([0.0, *(chi_square_quantile(0.95, k) for k in range(1, used.shape[-1] + 1))])
+    return float(np.mean(nis[counted] <= limits[degrees[counted]])) if counted.any() else math.nan
 
 
 def featured(simulation: Simulation) -> int:

@@ -15,7 +15,7 @@ from kalmanhdl.graph.builder import reachable
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.graph.simplify import counts
 from kalmanhdl.pipeline import Implemented
-from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, updated
+from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
 from kalmanhdl.report.formats import formats, overflows
 from kalmanhdl.report.papers import beside, paper_of
 from kalmanhdl.report.record import Record
@@ -185,7 +185,7 @@ def _differencing(record: Record, simulation: Simulation) -> list[dict[str, Any]
         {
             **asdict(one),
             "state": model.state_names[one.state],
-            "measurement": model.measurement_names[one.measurement],
+            "of": model.state_names[one.of],
         }
         for one in differencing(model, simulation)
     ]
@@ -199,6 +199,7 @@ def _nis(record: Record, simulation: Simulation) -> dict[str, Any]:
         "nis_mean_reference": mean_nis(simulation.reference.nis, used).mean,
         "nis_band_95": [exact.low, exact.high],
         "nis_samples": exact.samples,
+        "nis_inside": nis_inside(simulation.exact.nis, used),
     }
 
 

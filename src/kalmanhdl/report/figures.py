@@ -8,12 +8,13 @@ from bokeh.plotting import figure as bokeh_figure
 from numpy.typing import NDArray
 
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.report.accuracy import featured, measured_states, states_shown, updated
+from kalmanhdl.report.accuracy import featured, measured_states, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
 from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, label, plane, points, seen_pair, with_unit
 from kalmanhdl.report.lanes import lanes
 from kalmanhdl.report.palette import AMBER, BLUE, GREEN, GREY, ORANGE, SERIES
+from kalmanhdl.report.plots import states_shown
 from kalmanhdl.report.record import Record
 from kalmanhdl.simulate.side_by_side import Simulation
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.model.model import Model
-from kalmanhdl.report.accuracy import measured_states, rate_sources, states_shown
+from kalmanhdl.report.accuracy import measured_states
+from kalmanhdl.report.plots import rate_sources, states_shown
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def plane(model: Model) -> Plane:
     polar = _polar(model, seen)
     if polar is not None:
         return polar
-    rates = rate_sources(model)
+    rates = _rates(model)
     places = [(p, j) for p, j in seen if p not in rates]
     for k, (first, j) in enumerate(places):
         for second, i in places[k + 1 :]:
@@ -66,6 +67,11 @@ def plane(model: Model) -> Plane:
     return Plane(
         kind=Kind.TIME, states=(state,), measurements=measurements, labels=("step", label(model, state))
     )
+
+
+def _rates(model: Model) -> dict[int, int]:
+    """The rates of states that are measured by themselves."""
+    return rate_sources(model, np.isin(np.arange(model.n), list(measured_states(model).values())))
 
 
 def _alike(model: Model) -> tuple[int, int] | None:
@@ -86,7 +92,7 @@ def with_unit(name: str, unit: str) -> str:
 
 
 def _polar(model: Model, seen: list[tuple[int, int]]) -> Plane | None:
-    rates = rate_sources(model)
+    rates = _rates(model)
     named = [(p, j, model.state_names[p]) for p, j in seen if p not in rates]
     distance = next(((p, j) for p, j, name in named if _DISTANCE.search(name)), None)
     angle = next(((p, j) for p, j, name in named if _ANGLE.search(name)), None)
