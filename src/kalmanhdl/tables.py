@@ -46,6 +46,8 @@ def build_table(record: Record) -> str:
         accuracy = facts["accuracy"]
         rows.append(("data", f"{accuracy['steps']} estimates of {accuracy['tracks']} tracks"))
         rows += [("", line) for line in accuracy_table(hardware.design.model, record.simulation).splitlines()]
+    else:
+        rows.append(("data", "none: errors and normalised innovations squared were not measured, see --data"))
     rows.append(("verification", _verified(record.verifications)))
     if record.implemented is not None:
         rows.append(("implementation", _placed(plan, record.implemented)))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given as forall
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from kalmanhdl.algorithm import Conventional
@@ -149,6 +150,7 @@ def test_three_point_start_of_constant_acceleration_takes_differences():
     np.testing.assert_allclose(start.P, 4 * by_row @ by_row.T)
 
 
+@settings(deadline=None)
 @forall(
     T=st.floats(0.01, 10),
     ratio=st.floats(0.3, 30),

@@ -1,6 +1,7 @@
 """A model is checked once, when it is made."""
 
 import warnings
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from kalmanhdl.errors import ModelError
 from kalmanhdl.model.initial import given
-from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.model.state_space import LinearModel, linear_model
 from kalmanhdl.validation import KalmanhdlWarning
 
 GOOD = {
@@ -127,3 +128,25 @@ def test_an_observable_chain_is_no_reason_to_warn(T):
             Q=np.eye(3),
             initial=given([0] * 3, np.eye(3)),
         )
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("F", np.eye(3), "H is"),
+        ("R", -np.eye(1), "a variance is greater than 0"),
+        ("Q", [[0.0, 1.0], [0.0, 1.0]], "not symmetric"),
+        ("Q", [[0.0, np.nan], [np.nan, 1.0]], "not finite"),
+        ("state_names", ("a", "a"), "state"),
+        ("measurement_names", ("track",), "column of its own"),
+        ("initial", replace(model().initial, P=-np.eye(2)), "a variance is 0 or greater"),
+        ("nis_weight", np.ones(3), "nis_weight"),
+    ],
+)
+def test_a_model_made_directly_is_checked_too(field, value, message):
+    made = model()
+    values = {each.name: getattr(made, each.name) for each in fields(made)} | {field: value}
+    with pytest.raises(ModelError, match=message):
+        LinearModel(**values)
+    with pytest.raises(ModelError, match=message):
+        replace(made, **{field: value})

@@ -111,7 +111,10 @@ def test_a_start_outside_its_format_is_refused_with_a_remedy():
     specification = FixedSpecification(
         classes={"covariance": Fixed(width=12, fraction=8)}, scale=(1.0,) * 4, covariance_scale=1.0
     )
-    with pytest.raises(FormatError, match=r"P\[0,0\] starts at 1e\+06 but .* use fewer fraction bits"):
+    message = (
+        r"^\[numerics\] covariance: P\[0,0\] starts at 1e\+06 but .* ends at .*: give \[numerics.signals\] P"
+    )
+    with pytest.raises(FormatError, match=message):
         numbers(LEE.model, ALGORITHMS["conventional"](), specification)
 
 

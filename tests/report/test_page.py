@@ -56,7 +56,8 @@ def test_a_build_without_data_or_placement_says_so(lee):
     text = page(lee, document(lee))
     assert "Not placed and routed in this build" in text
     assert "Beside the paper" in text
-    assert "<h2>Accuracy</h2>" not in text
+    assert "Not measured: the build had no data" in text
+    assert document(lee)["accuracy"]["not_measured"] == "the build had no data: see --data"
 
 
 def test_a_report_is_plain_files_in_a_folder(nile, tmp_path):

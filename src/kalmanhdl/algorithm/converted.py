@@ -1,12 +1,12 @@
 """The converted measurement filter: a linear filter of positions that every row converts anew."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from kalmanhdl.algorithm.conventional import conventional_update
-from kalmanhdl.algorithm.covariance import predict_covariance, predict_mean
+from kalmanhdl.algorithm.conventional import conventional_correction
+from kalmanhdl.algorithm.covariance import innovation, predict_covariance, predict_mean
 from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, unsuited
 from kalmanhdl.algorithm.memory import Kept, Kind, Memory
 from kalmanhdl.graph.signal import Array, both, named, negative, select
@@ -67,6 +67,16 @@ class Converted(Algorithm):
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Position:
+    """A position with the covariance of its row: see ``gain.Observation``."""
+
+    n: int
+    H: Array
+    R: Array
+    nis_weight: Array | None
+
+
 def _start(model: ConvertedModel, how: Conversion, memory: Memory, given: Given) -> Memory:
     if model.initial.takes_measurements:
         x, P = model.started(how, memory["x"], given.z, given.u)
@@ -82,9 +92,12 @@ def _update(model: ConvertedModel, how: Conversion, at: At, memory: Memory, give
     seen = given.valid[0]
     for flag in given.valid[1:]:
         seen = both(seen, flag)
-    linear = replace(model.positions, R=R)
+    positions = model.positions
+    seen_position = _Position(model.n, positions.H, R, positions.nis_weight)
     row = Given(z, (seen,) * model.m, given.u, given.initialise)
-    correction = conventional_update(linear, Belief(memory["x"], memory["P"]), row)
+    y = innovation(positions, memory["x"], row)
+    prior = Belief(memory["x"], memory["P"])
+    correction = conventional_correction(seen_position, prior, row.valid, y)
     # Innovations are put out in the units of the measurements that they stand for.
     scale = model.units.measurement[0] / model.units.measurement
     return Correction(correction.memory, correction.innovation * scale, correction.nis)

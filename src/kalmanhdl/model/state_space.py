@@ -6,8 +6,8 @@ z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,13 +99,22 @@ class Dynamics:
     measurement_offset: Array
     state_names: tuple[str, ...]
 
+    @property
+    def shared(self) -> dict[str, Any]:
+        """Its fields by name: a model has them all."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
 
 InitialRule = Callable[[Dynamics], Initial]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearModel:
-    """What is estimated. Shapes: F (n, n), H (m, n), Q (n, n), R (m, m), B (n, p), p may be 0."""
+    """What is estimated. Shapes: F (n, n), H (m, n), Q (n, n), R (m, m), B (n, p), p may be 0.
+
+    However a model is made, it is checked: raises ModelError as ``linear_model``, which fills in what is
+    left out.
+    """
 
     kind: ClassVar[str] = "linear"
     suited: ClassVar[tuple[str, ...]] = ("conventional", "joseph")
@@ -127,6 +136,14 @@ class LinearModel:
     # Weight of each measurement in the normalised innovation squared (m,), where the covariances of
     # decoupled components are in different units; None: all one.
     nis_weight: Array | None = None
+
+    def __post_init__(self) -> None:
+        matrices = (self.F, self.Q, self.R, self.B, self.offset)
+        if any(isinstance(each, np.ndarray) and each.dtype == object for each in matrices):
+            # The model of one step, made of a checked one, holds elements of an algorithm and no numbers.
+            return
+        for name, value in _checked(self).items():
+            object.__setattr__(self, name, value)
 
     @property
     def n(self) -> int:
@@ -248,6 +265,31 @@ def linear_model(
         ModelError: a shape, a number that is not finite, an asymmetric matrix, an indefinite Q or P, an R
             that is not positive definite, a name. Warns with ``KalmanhdlWarning`` of unobservable states.
     """
+    dynamics = _dynamics(F, H, Q, R, B, offset, measurement_offset, state_names)
+    n, m, p = len(dynamics.F), len(dynamics.H), dynamics.B.shape[1]
+    start = initial if isinstance(initial, Initial) else initial(dynamics)
+    _warn_of_unobservable(dynamics)
+    return LinearModel(
+        **dynamics.shared,
+        initial=_settled(checked_initial(start, n, m, p), dynamics.R),
+        state_units=checks.units(state_units, n),
+        measurement_names=checks.names("measurement", measurement_names, m, "z"),
+        control_names=checks.names("control", control_names, p, "u"),
+        measurement_range=checks.ranges(measurement_range, m),
+    )
+
+
+def _dynamics(
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    B: ArrayLike | None,
+    offset: ArrayLike | None,
+    measurement_offset: ArrayLike | None,
+    state_names: Sequence[str] | None,
+) -> Dynamics:
+    """The checked matrices. Raises ModelError."""
     F = checks.array("F", F, (None, None), "F is n x n")
     n = F.shape[0]
     if F.shape != (n, n) or n > checks.MAX_STATES:
@@ -257,39 +299,40 @@ def linear_model(
     m = H.shape[0]
     if m > checks.MAX_MEASUREMENTS:
         raise checks.fault("H", f" has {m} rows: at most {checks.MAX_MEASUREMENTS} measurements")
-    B = _control_matrix(B, n)
-    dynamics = Dynamics(
+    return Dynamics(
         F=F,
         H=H,
         Q=checks.covariance("Q", checks.array("Q", Q, (n, n), f"Q is {n} x {n}, as F"), definite=False),
         R=checks.covariance(
             "R", checks.array("R", R, (m, m), f"R is {m} x {m}, a row a measurement"), definite=True
         ),
-        B=B,
+        B=_control_matrix(B, n),
         offset=_vector("offset", offset, n, "state"),
         measurement_offset=_vector("measurement_offset", measurement_offset, m, "measurement"),
         state_names=checks.names("state", state_names, n, "x"),
     )
-    measured = checks.names("measurement", measurement_names, m, "z")
-    controls = checks.names("control", control_names, B.shape[1], "u")
-    checks.check_columns(measured, controls)
-    start = initial if isinstance(initial, Initial) else initial(dynamics)
-    _warn_of_unobservable(dynamics)
-    return LinearModel(
-        F=F,
-        H=H,
-        Q=dynamics.Q,
-        R=dynamics.R,
-        initial=_settled(checked_initial(start, n, m, B.shape[1]), dynamics.R),
-        B=B,
-        offset=dynamics.offset,
-        measurement_offset=dynamics.measurement_offset,
-        state_names=dynamics.state_names,
-        state_units=checks.units(state_units, n),
-        measurement_names=measured,
-        control_names=controls,
-        measurement_range=checks.ranges(measurement_range, m),
+
+
+def _checked(model: LinearModel) -> dict[str, Any]:
+    """The fields of a model as they are kept. Raises ModelError."""
+    dynamics = _dynamics(
+        *(model.F, model.H, model.Q, model.R, model.B),
+        *(model.offset, model.measurement_offset, model.state_names),
     )
+    n, m, p = len(dynamics.F), len(dynamics.H), dynamics.B.shape[1]
+    measured = checks.names("measurement", model.measurement_names, m, "z")
+    controls = checks.names("control", model.control_names, p, "u")
+    checks.check_columns(measured, controls)
+    weight = model.nis_weight
+    return {
+        **dynamics.shared,
+        "initial": checked_initial(model.initial, n, m, p),
+        "state_units": checks.units(model.state_units, n),
+        "measurement_names": measured,
+        "control_names": controls,
+        "measurement_range": checks.ranges(model.measurement_range, m),
+        "nis_weight": None if weight is None else _vector("nis_weight", weight, m, "measurement"),
+    }
 
 
 def _control_matrix(B: ArrayLike | None, n: int) -> Array:

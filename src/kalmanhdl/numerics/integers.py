@@ -17,7 +17,7 @@ from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.numerics.units import units
-from kalmanhdl.validation import InvalidValueError
+from kalmanhdl.validation import InvalidModelValueError, InvalidValueError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +52,10 @@ def in_reals(model: Model, algorithm: Algorithm, specification: FixedSpecificati
     plots = simulated(model, specification.coast)
     _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
     scaling = units(model, algorithm(model), specification, plots)
-    inner = model.in_units(scaling)
+    try:
+        inner = model.in_units(scaling)
+    except InvalidModelValueError as error:
+        raise InvalidValueError("numerics", "scale", f": in these units {error}") from None
     for name, array in _arrays(inner):
         _check_finite(array, "scale", f"{name} in these units is no finite number")
     filter_ = algorithm.in_units(model, scaling.covariances())(inner)

@@ -378,9 +378,15 @@ class _Lowering:
         value = self.builder.value(index)
         if value is not None and not form.real(form.lowest) <= value <= form.real(form.highest):
             limit = form.real(form.highest if value > 0 else form.lowest)
+            signal = signal_of(name)
+            asked = self.specification.form(signal.signal_class, signal.name)
+            key = self.specification.key(signal.signal_class, signal.name)
+            remedy = (
+                "fewer fraction bits" if isinstance(asked, Fixed) else "a format with fewer fraction bits"
+            )
             raise FormatError(
-                f"{name} starts at {float(value):.6g} but {form} ends at {float(limit):.6g}: use fewer "
-                "fraction bits, or a larger scale"
+                f"{key}: {name} starts at {float(value):.6g} but {form} ends at {float(limit):.6g}: "
+                f"give [numerics.signals] {name} {remedy}, or a larger [numerics] scale"
             )
 
     def finished(

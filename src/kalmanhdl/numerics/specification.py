@@ -104,6 +104,13 @@ class FixedSpecification:
             return self.signals[signal]
         return self.classes.get(signal_class, _OWN_WIDTH.get(signal_class, self.width))
 
+    def key(self, signal_class: str, signal: str | None = None) -> str:
+        """The key of a design that says, or would say, what ``form`` gives."""
+        if signal is not None and signal in self.signals:
+            return f"[numerics.signals] {signal}"
+        own = signal_class in self.classes or signal_class in _OWN_WIDTH
+        return f"[numerics] {signal_class if own else 'width'}"
+
 
 def parse_format(text: str) -> Fixed | None:
     """``"Q12.20"``: 12 integer bits, sign included, and 20 fraction bits; ``"UQ12.20"`` is unsigned."""

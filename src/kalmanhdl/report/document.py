@@ -166,6 +166,7 @@ def _accuracy(record: Record) -> dict[str, Any]:
             "rmse_bitexact_to_reference": unknown,
             "nis_mean": None,
             "saturations": None,
+            "not_measured": "the build had no data: see --data",
         }
     return {
         "steps": int(simulation.valid.sum()),
