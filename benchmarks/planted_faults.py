@@ -39,7 +39,7 @@ def _outcome(hardware: Hardware, steps: int, seed: int) -> tuple[list[str], bool
         for some in (_FIRST_STEPS, steps):
             if answer := _answer(hardware, fault, some):
                 return [*lines, f"{what}found in {some} steps: {answer}"], True, True
-        if how := proof(hardware.verilog, fault.verilog, hardware.design.name):
+        if how := proof(hardware.verilog, fault.verilog, hardware.design.name, hardware.numbers.typed):
             lines.append(f"{what}changes nothing, proven by Yosys: {how}")
             continue
         more = steps * _MORE

@@ -2,7 +2,9 @@
 
 import re
 
+from invariant import assumed
 from kalmanhdl.errors import ToolError
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.toolchain.yosys import run_script
 
 # Rounds in which wires that differ, but need not matter, are taken out of the comparison.
@@ -12,23 +14,31 @@ _BACK = 2
 _UNPROVEN = re.compile(r"^ *Unproven \$equiv \S+: \\(.+?)_gold(?: |$)", re.MULTILINE)
 
 
-def proof(verilog: str, changed: str, top: str) -> str:
+def proof(verilog: str, changed: str, top: str, typed: TypedGraph | None = None) -> str:
     """How both are proven to give the same outputs and kept wires for all inputs; empty where they are not.
 
     Both are cut at all wires of the same name, and each wire is proven to be the same function of those
     before it and of the registers, which start alike. A wire inside that differs is no longer cut at, but
     looked through, in the next round; the proof stands when nothing is left to prove.
+
+    Bits that are always zero, by the bounds of what the graph ``typed`` computes, may be read as such, of
+    wires that are the same in both.
     """
+    assuming: frozenset[str] = frozenset()
+    if typed is not None:
+        (verilog, known), (changed, also_known) = assumed(verilog, typed), assumed(changed, typed)
+        assuming = known | also_known
+    bounded = {name.removesuffix("_known") for name in assuming}
     watched = set(re.findall(r"\(\* keep = .*?\*\)\n +wire (?:\[\d+:0\] )?(\S+);", verilog))
     outputs = set(re.findall(r"^  output (?:\[\d+:0\] )?(\S+);", verilog.split("endmodule")[0], re.MULTILINE))
     through: set[str] = set()
     for _ in range(_ROUNDS):
-        unproven, count, points = _compared(verilog, changed, top, through)
+        unproven, count, points = _compared(verilog, changed, top, through | assuming)
         if not count:
             return f"{points} bits are the same function" + (
                 f", {len(through)} inner wires are not" if through else ""
             )
-        if not unproven or unproven & (watched | outputs) or unproven <= through:
+        if not unproven or unproven & (watched | outputs | bounded) or unproven <= through:
             return ""
         through |= unproven
     return ""

@@ -27,6 +27,10 @@ Progress = Callable[[str], None]
 AREA_FAMILIES = ("xc4v", "xc5v", "xc6v", "lut4")
 
 
+# Beside so many steps, a search for the covariance's corners costs little.
+WALKING_STEPS = 20_000
+
+
 def silent(_: str) -> None:
     """Progress that nobody follows."""
 
@@ -125,14 +129,16 @@ def verify(
     """The Verilog against the engine: on data, on tracks drawn from the model, on raw numbers at random.
 
     ``steps`` are split between the latter two; the last also stalls both streams, fills the hardware up and
-    resets it in the middle. A simulator is ``optimised`` where the number of steps is worth its compilation.
+    resets it in the middle. Beside many steps there are some more, that take the covariance into its corners.
+    A simulator is ``optimised`` where the number of steps is worth its compilation.
     Raises VerificationError at the first bit that differs, or that comes in another clock than it should.
     """
     from kalmanhdl.simulate.engine import Engine
     from kalmanhdl.toolchain.cxxrtl import build_library
     from kalmanhdl.verify.compare import border_of
     from kalmanhdl.verify.compare import verify as run
-    from kalmanhdl.verify.stimulus import Section, from_model, from_plots, random_sections
+    from kalmanhdl.verify.stimulus import Section, from_model, from_plots, random_sections, walking
+    from kalmanhdl.verify.walk import walks
 
     model, plan, typed = hardware.design.model, hardware.plan, hardware.numbers.typed
     half = max(1, steps // 2)
@@ -141,6 +147,9 @@ def verify(
         ("model", (Section(steps=from_model(model, typed, half, plan.channels, seed)),)),
         ("random", random_sections(plan, half, seed + 1)),
     ]
+    if steps >= WALKING_STEPS and (found := walks(typed, seed)):
+        ways = (walking(typed, found, plan.channels, seed, calm=calm) for calm in (True, False))
+        runs.append(("walks", tuple(Section(steps=steps) for steps in ways)))
     if plots is not None:
         runs.insert(0, ("data", (Section(steps=from_plots(model, typed, plots, plan.channels)),)))
     fast = worth_optimising(hardware, steps) if optimised is None else optimised

@@ -61,7 +61,7 @@ def test_a_planted_fault_is_found_or_changes_nothing(hardware, seed):
         verify(replace(hardware, verilog=fault.verilog), 20_000)
     except KalmanhdlError:
         return
-    assert proof(hardware.verilog, fault.verilog, hardware.design.name)
+    assert proof(hardware.verilog, fault.verilog, hardware.design.name, hardware.numbers.typed)
 
 
 def test_a_difference_names_step_signal_and_both_values(hardware):

@@ -1,5 +1,6 @@
 """Steps for the hardware: which track, which command, which raw numbers, in which order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +19,7 @@ from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.side_by_side import stimulus_of
 from kalmanhdl.toolchain.simulation import Stalls
 from kalmanhdl.verify.timing import held_back, in_full_flow, never_waits, on_the_way
+from kalmanhdl.verify.walk import Walk
 
 # Of random steps one in twenty starts its track anew and one in eight only predicts, some of these by the
 # fourth code; a component is missed one time in six.
@@ -140,6 +142,40 @@ def random_steps(
         elif isinstance(operation, Flag) and operation.name != "initialise":
             offered[operation.name] = random.random(shape) >= _MISSED
     flags = {"initialise": given == Command.INITIALISE} | {n: seen & measured for n, seen in offered.items()}
+    return Steps(commands=given, inputs=inputs, flags=flags, order=order, offered=offered)
+
+
+def walking(
+    typed: TypedGraph, walks: Sequence[Walk], channels: int, seed: int, *, calm: bool = False
+) -> Steps:
+    """Walks one after the other on every track, tracks in turn.
+
+    Raw numbers come from anywhere, and flags that a walk leaves open are drawn. ``calm``: all numbers are
+    zero and all measurements there, so that nothing hides what the walk itself brings about.
+    """
+    random = np.random.default_rng(seed)
+    lengths = [sum(map(len, walks[track::channels])) for track in range(channels)]
+    shape = max(lengths), channels
+    given = np.full(shape, Command.NONE, np.int8)
+    numbers = zip(typed.graph.operations, typed.formats, strict=True)
+    inputs = {
+        operation.name: np.zeros(shape, np.int64) if calm else _anywhere(random, form, shape)
+        for operation, form in numbers
+        if isinstance(operation, Input) and form is not None
+    }
+    names = [op.name for op in typed.graph.operations if isinstance(op, Flag) and op.name != "initialise"]
+    offered = {name: random.random(shape) >= (0 if calm else _MISSED) for name in names}
+    for track in range(channels):
+        row = 0
+        for walk in walks[track::channels]:
+            place = slice(row, row := row + len(walk)), track
+            given[place] = np.where(walk.flags["initialise"], Command.INITIALISE, Command.UPDATE)
+            for name, seen in walk.flags.items():
+                if name != "initialise":
+                    offered[name][place] = seen
+    measured = given != Command.NONE
+    flags = {"initialise": given == Command.INITIALISE} | {n: seen & measured for n, seen in offered.items()}
+    order = np.flatnonzero(measured.ravel())
     return Steps(commands=given, inputs=inputs, flags=flags, order=order, offered=offered)
 
 
