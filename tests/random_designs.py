@@ -6,6 +6,7 @@ from kalmanhdl.algorithm import ALGORITHMS, LINEAR, Algorithm, Scheduled, Taylor
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.model.initial import given, two_point
 from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.state_space import LinearModel, linear_model
@@ -27,12 +28,14 @@ def random_design(
         model = random_varying_model(random, max_states, max_measurements)
     else:
         model = _model(random, max_states, max_measurements)
+    units = _units(random)
     return Design(
         name=f"random_{seed}",
         model=model,
         algorithm=_algorithm(random, model),
         numerics=_numerics(random),
-        architecture=Architecture(interval=interval, channels=channels),
+        # An interval that suits a number of operators is found.
+        architecture=Architecture(interval=None if units else interval, channels=channels, units=units),
         target=Target(device=device, grade=6),
     )
 
@@ -79,6 +82,16 @@ def _moved(random: np.random.Generator, i: int, j: int) -> str | float:
     if i == j:
         return f"1 - {float(random.uniform(0.05, 0.4))!r}*dt"
     return f"{float(random.uniform(-0.5, 0.5))!r}*dt" if j > i and random.random() < 0.7 else 0.0
+
+
+def _units(random: np.random.Generator) -> dict[str, int] | None:
+    """As many operators as operations, as few as the interval needs, or some of each kind."""
+    way = random.random()
+    if way < 0.6:
+        return {} if way < 0.3 else None
+    # Reciprocals of different precision do not share; a random design may have any.
+    kinds = [kind for kind in KINDS if kind not in ("divide", "reciprocal")]
+    return {kind: int(random.integers(1, 5)) for kind in kinds if random.random() < 0.5}
 
 
 def _algorithm(random: np.random.Generator, model: LinearModel | VaryingModel) -> Algorithm:

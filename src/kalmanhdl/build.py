@@ -11,7 +11,7 @@ from pathlib import Path
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dump, load
 from kalmanhdl.errors import DesignError, ToolError
-from kalmanhdl.numerics.integers import Numbers, numbers
+from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.output import check_folder, new_folder
 from kalmanhdl.pipeline import (
     Hardware,
@@ -19,6 +19,7 @@ from kalmanhdl.pipeline import (
     Progress,
     areas,
     compile_design,
+    fixed_numbers,
     implement,
     planned,
     silent,
@@ -171,7 +172,7 @@ def planned_design(design: Design) -> tuple[Numbers, Plan]:
 
     Raises DesignError for floating point, FormatError, ScheduleError.
     """
-    typed = numbers(design.model, design.algorithm, design.fixed_point)
+    typed = fixed_numbers(design)
     return typed, planned(design, typed)
 
 

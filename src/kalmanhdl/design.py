@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.arithmetic.product_structure import LogicProduct
+from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -28,11 +29,17 @@ MAX_SEEDS = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Architecture:
-    """How fast a step follows another, and for how many tracks.
+    """How fast a step follows another, for how many tracks, and on how many operators.
 
-    A step starts every ``interval`` clocks; None is the recurrence bound, the fastest one track allows.
-    ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks`` the most
-    multiplications that may use DSP blocks; None leaves both to the tool. ``multiplier`` builds the others.
+    A step starts every ``interval`` clocks; None is the recurrence bound, the fastest one track allows, or
+    with ``units`` the least that was found. ``updates_per_second`` says the same of the clock that is aimed
+    at. ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks`` the most
+    multiplications that may use DSP blocks; None leaves both to the tool.
+    ``multiplier`` builds the others.
+
+    ``units`` limits the operators of a kind, such as {"multiply": 4, "reciprocal": 1}; operations of a kind
+    that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
+    most clocks from a step to its result, is met with as few operators as were found to suffice.
     """
 
     interval: int | None = None
@@ -40,6 +47,9 @@ class Architecture:
     clock_mhz: float | None = None
     multiplier_blocks: int | None = None
     multiplier: LogicProduct = LogicProduct.BOOTH
+    units: Mapping[str, int] | None = None
+    latency: int | None = None
+    updates_per_second: float | None = None
 
     def __post_init__(self) -> None:
         if self.interval is not None:
@@ -58,6 +68,19 @@ class Architecture:
         if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):
             problem = f" = {shown(clock)}: a clock lies between 0 and {MAX_CLOCK_MHZ:.0f} MHz"
             raise InvalidValueError("architecture", "clock_mhz", problem)
+        if self.latency is not None:
+            _check_integer("architecture", "latency", self.latency, 1, MAX_INTERVAL)
+        if self.units is not None:
+            _check_units(self.units)
+        if self.updates_per_second is not None:
+            _check_rate(self.updates_per_second, self.interval)
+
+    @property
+    def shares_multipliers(self) -> bool:
+        """Whether multiplications take turns on few multipliers."""
+        if self.units is not None:
+            return "multiply" in self.units
+        return self.interval not in (None, 1) or bool(self.latency or self.updates_per_second)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,6 +231,27 @@ def _algorithm(choice: object) -> Algorithm:
 def _check_integer(table: str, key: str, value: object, low: int, high: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         raise InvalidValueError(table, key, f" = {shown(value)}: an integer from {low} to {high}")
+
+
+def _check_units(units: object) -> None:
+    if not isinstance(units, Mapping):
+        problem = f" = {shown(units)}: write a count for each kind, such as {{ multiply = 4 }}"
+        raise InvalidValueError("architecture", "units", problem)
+    for kind, count in units.items():
+        if kind not in KINDS:
+            problem = f" is unknown: {nearest(str(kind), KINDS)}"
+            raise InvalidValueError("architecture.units", str(kind), problem)
+        _check_integer("architecture.units", kind, count, 1, MAX_BLOCKS)
+
+
+def _check_rate(rate: float, interval: int | None) -> None:
+    is_number = isinstance(rate, int | float) and not isinstance(rate, bool)
+    if not (is_number and 0 < rate <= MAX_CLOCK_MHZ * 1e6):
+        problem = f" = {shown(rate)}: a rate lies between 0 and {MAX_CLOCK_MHZ * 1e6:.0g} a second"
+        raise InvalidValueError("architecture", "updates_per_second", problem)
+    if interval is not None:
+        problem = f" = {shown(rate)}: the interval of {interval} says the rate already: give one of the two"
+        raise InvalidValueError("architecture", "updates_per_second", problem)
 
 
 def _check_scales(numerics: FixedSpecification, n: int) -> None:

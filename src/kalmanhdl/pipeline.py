@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-from kalmanhdl.design import Design
+from kalmanhdl.design import Architecture, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
@@ -13,12 +13,14 @@ from kalmanhdl.rtl.interface import Interface, interface
 from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.side_by_side import Simulation
 from kalmanhdl.simulate.side_by_side import simulate as run_side_by_side
-from kalmanhdl.target import device
+from kalmanhdl.target import Device, device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
+from kalmanhdl.validation import InvalidValueError
 from kalmanhdl.verify.compare import Verification
 
 Progress = Callable[[str], None]
@@ -54,10 +56,9 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
         DesignError: the numerics are floating point, for which there is no hardware yet.
         FormatError, ScheduleError, ToolError: see the stages.
     """
-    specification = design.fixed_point
     seconds: dict[str, float] = {}
     with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
-        typed = numbers(design.model, design.algorithm, specification)
+        typed = fixed_numbers(design)
     with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
     with timed(seconds, "rtl", progress, "writing Verilog"):
@@ -74,20 +75,32 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
 
 def planned(design: Design, typed: Numbers) -> Plan:
     """The schedule of a design, checked by code that does not share a line with the scheduler."""
-    wanted = design.architecture
     part = device(design.target.device, design.target.grade)
-    plan = schedule(
-        replace(typed.typed, logic_product=wanted.multiplier),
-        part,
-        wanted.interval,
-        wanted.channels,
-        wanted.clock_mhz,
-        wanted.multiplier_blocks,
-    )
+    step = replace(typed.typed, logic_product=design.architecture.multiplier)
+    plan = schedule(step, part, wanted(design.architecture, part))
     found = problems(plan, part)
     if found:
         raise ScheduleError(f"{design.name}: the schedule is wrong: {found[0]}")
     return plan
+
+
+def wanted(architecture: Architecture, part: Device) -> Wanted:
+    """What a design asks the scheduler for. Raises DesignError for more updates than the clock has cycles."""
+    interval, rate = architecture.interval, architecture.updates_per_second
+    if rate is not None:
+        clock_mhz = architecture.clock_mhz or 1000 / part.pipelined_period_ns
+        interval = int(clock_mhz * 1e6 / rate)
+        if interval < 1:
+            problem = f" = {rate:g}: a clock of {clock_mhz:.1f} MHz starts {clock_mhz:.1f} million at most"
+            raise InvalidValueError("architecture", "updates_per_second", problem)
+    return Wanted(
+        interval=interval,
+        channels=architecture.channels,
+        clock_mhz=architecture.clock_mhz,
+        multiplier_blocks=architecture.multiplier_blocks,
+        units=architecture.units,
+        latency=architecture.latency,
+    )
 
 
 def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
@@ -105,7 +118,13 @@ def numbers_of(design: Design) -> Numbers | FloatNumbers:
     """The numbers of a design, fixed or floating point. Raises FormatError."""
     if isinstance(design.numerics, FloatSpecification):
         return float_numbers(design.model, design.algorithm, design.numerics)
-    return numbers(design.model, design.algorithm, design.numerics)
+    return fixed_numbers(design)
+
+
+def fixed_numbers(design: Design) -> Numbers:
+    """The fixed-point numbers of a design. Raises FormatError, and DesignError for floating point."""
+    shared = design.architecture.shares_multipliers
+    return numbers(design.model, design.algorithm, design.fixed_point, on_multipliers=shared)
 
 
 def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simulation:

@@ -18,8 +18,8 @@ from steps import expected, random_steps, well_formed
 from kalmanhdl.rtl.filter import Filter
 from kalmanhdl.rtl.interface import interface
 from kalmanhdl.rtl.verilog import header, to_rtlil
-from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
+from planning import planned
 
 needs_icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="no Icarus Verilog")
 
@@ -36,7 +36,7 @@ def runs_in_icarus(folder, plan, steps):
 @needs_icarus
 @pytest.mark.parametrize(("interval", "channels"), [(1, 1), (None, 1), (1, 16), (2, 3)])
 def test_every_output_and_every_new_state_is_right_in_another_simulator(tmp_path, interval, channels):
-    plan = schedule(alpha_beta(), PLAUSIBLE, interval, channels)
+    plan = planned(alpha_beta(), PLAUSIBLE, interval, channels)
     runs_in_icarus(tmp_path, plan, random_steps(plan, 2000, Random(7)))
 
 
@@ -51,7 +51,7 @@ def test_every_output_and_every_new_state_is_right_in_another_simulator(tmp_path
 )
 def test_any_graph_is_right_in_another_simulator(tmp_path, typed, interval, channels, random):
     assume(well_formed(typed))
-    plan = schedule(typed, PLAUSIBLE, interval, channels)
+    plan = planned(typed, PLAUSIBLE, interval, channels)
     runs_in_icarus(tmp_path, plan, random_steps(plan, 200, random))
 
 
@@ -61,8 +61,8 @@ from graphs import alpha_beta
 from devices import PLAUSIBLE
 from kalmanhdl.rtl.filter import Filter
 from kalmanhdl.rtl.verilog import header, to_rtlil
-from kalmanhdl.schedule.modulo import schedule
-plan = schedule(alpha_beta(), PLAUSIBLE, 1, 16)
+from planning import planned
+plan = planned(alpha_beta(), PLAUSIBLE, 1, 16)
 print(header(plan, "tracker") + to_rtlil(Filter(plan), "tracker"))
 """
 
@@ -86,7 +86,7 @@ def test_the_text_depends_neither_on_the_folder_nor_on_the_hash_seed(tmp_path):
 
 
 def test_the_header_names_every_port_with_its_format_and_scale():
-    plan = schedule(alpha_beta(), PLAUSIBLE, 1, 16)
+    plan = planned(alpha_beta(), PLAUSIBLE, 1, 16)
     text = header(plan, "tracker")
     ports = interface(plan)
     assert all(port.name in text for port in (*ports.numbers, *ports.present, *ports.outputs))

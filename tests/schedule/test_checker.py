@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from kalmanhdl.graph.operations import Constant, Reciprocal, State, operands
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.checker import problems
-from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.plan import Plan
+from planning import planned
 
 
 def _moved(plan: Plan, index: int, start: int) -> Plan:
@@ -23,7 +23,7 @@ def _holding(plan: Plan, index: int, registers: int) -> Plan:
     return replace(plan, registers=(*plan.registers[:index], registers, *plan.registers[index + 1 :]))
 
 
-PLAN = schedule(alpha_beta(), PLAUSIBLE, None, 1)
+PLAN = planned(alpha_beta(), PLAUSIBLE, None, 1)
 GAIN = next(k for k, o in enumerate(PLAN.typed.graph.operations) if isinstance(o, Reciprocal))
 READ = next(k for k, o in enumerate(PLAN.typed.graph.operations) if o == State("P"))
 ROOT = dict(PLAN.typed.graph.states)["P"]
@@ -59,7 +59,7 @@ def test_a_wrong_plan_is_told_by_what_is_wrong(wrong: Plan, message: str):
 @settings(max_examples=60, deadline=None)
 @given(typed_graphs(), st.data())
 def test_an_operation_moved_before_its_operand_is_found(typed: TypedGraph, data: st.DataObject):
-    plan = schedule(typed, UNIT, None, 1)
+    plan = planned(typed, UNIT, None, 1)
     operations = typed.graph.operations
     bound = [
         k
@@ -77,7 +77,7 @@ def test_an_operation_moved_before_its_operand_is_found(typed: TypedGraph, data:
 @settings(max_examples=60, deadline=None)
 @given(typed_graphs(), st.data())
 def test_a_register_dropped_from_an_operator_is_found(typed: TypedGraph, data: st.DataObject):
-    plan = schedule(typed, UNIT, None, 1, clock_mhz=250.0)
+    plan = planned(typed, UNIT, None, 1, clock_mhz=250.0)
     held = [k for k, registers in enumerate(plan.registers) if registers]
     assume(held)
     index = data.draw(st.sampled_from(held))
@@ -88,6 +88,6 @@ def test_a_register_dropped_from_an_operator_is_found(typed: TypedGraph, data: s
 @settings(max_examples=40, deadline=None)
 @given(typed_graphs(), st.sampled_from((1, 4)))
 def test_a_distance_below_the_bound_is_found(typed: TypedGraph, channels: int):
-    plan = schedule(typed, PLAUSIBLE, None, channels)
+    plan = planned(typed, PLAUSIBLE, None, channels)
     assert problems(replace(plan, distance=plan.distance - 1), PLAUSIBLE)
     assert problems(replace(plan, recurrence_bound=plan.recurrence_bound - 1), PLAUSIBLE)

@@ -6,18 +6,19 @@ from itertools import pairwise
 import pytest
 from devices import PLAUSIBLE, UNIT
 from graphs import WORD, Builder, alpha_beta, typed_graphs
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import ScheduleError
+from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.graph.operations import Add, Input, Multiply, State, Subtract, is_flag
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.checker import problems
-from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.operators import operators
 from kalmanhdl.target.device import Device
+from planning import planned
 
 devices = st.sampled_from((UNIT, PLAUSIBLE))
 
@@ -39,16 +40,49 @@ def test_every_architecture_of_every_graph_has_a_schedule_without_problems(
     clock_mhz: float | None,
     blocks: int | None,
 ):
-    plan = schedule(typed, device, interval, channels, clock_mhz, blocks)
+    plan = planned(typed, device, interval, channels, clock_mhz, blocks)
     assert problems(plan, device) == []
     assert plan.channels == channels
     assert interval is None or plan.interval == interval
 
 
+@settings(max_examples=100, deadline=None)
+@given(
+    typed_graphs(),
+    devices,
+    st.sampled_from((1, 2, 5)),
+    st.dictionaries(st.sampled_from(KINDS), st.integers(1, 3)),
+)
+def test_operations_take_turns_on_as_many_operators_as_there_are(
+    typed: TypedGraph, device: Device, channels: int, units: dict[str, int]
+):
+    try:
+        plan = planned(typed, device, None, channels, units=units)
+    except ScheduleError as error:
+        assume("cannot share" not in str(error))
+        raise
+    assert problems(plan, device) == []
+    assert plan.interval >= plan.sharing.bound
+    for kind, count in plan.sharing.counts.items():
+        assert count == units.get(kind, units.get("divide"))
+        assert len(plan.sharing.operations[kind]) > count
+
+
+@settings(max_examples=40, deadline=None)
+@given(typed_graphs(), devices, st.sampled_from((2, 3, 8, 20)), st.sampled_from((1, 4)))
+def test_an_interval_is_met_with_fewer_operators(
+    typed: TypedGraph, device: Device, interval: int, channels: int
+):
+    plan = planned(typed, device, interval, channels, units=None)
+    assert problems(plan, device) == []
+    assert plan.interval == interval
+    assert all(len(unit.operations) <= interval for unit in plan.units)
+
+
 @settings(max_examples=30, deadline=None)
 @given(typed_graphs(), devices, st.sampled_from((1, 3, 16)))
 def test_without_an_interval_a_track_runs_at_its_bound(typed: TypedGraph, device: Device, channels: int):
-    plan = schedule(typed, device, None, channels)
+    plan = planned(typed, device, None, channels)
     assert plan.distance == plan.recurrence_bound
     assert plan.interval == -(-plan.recurrence_bound // channels)
     assert not plan.shallower
@@ -57,19 +91,19 @@ def test_without_an_interval_a_track_runs_at_its_bound(typed: TypedGraph, device
 @settings(max_examples=12, deadline=None)
 @given(typed_graphs(), devices)
 def test_a_pipeline_made_shallower_is_as_deep_as_its_interval_allows(typed: TypedGraph, device: Device):
-    deep = schedule(typed, device, None, 1)
+    deep = planned(typed, device, None, 1)
     # Interval 1 is apart: there the inputs, too, reach the states within the cycle.
-    plans = [schedule(typed, device, interval, 1) for interval in range(2, deep.recurrence_bound + 2)]
+    plans = [planned(typed, device, interval, 1) for interval in range(2, deep.recurrence_bound + 2)]
     assert all(plan.distance <= plan.interval for plan in plans)
     assert all(plan.shallower == (plan.interval < plan.recurrence_bound) for plan in plans)
     assert all(a.period_ns >= b.period_ns for a, b in pairwise(plans))
-    assert schedule(typed, device, 1, 1).distance == 1
+    assert planned(typed, device, 1, 1).distance == 1
 
 
 @settings(max_examples=30, deadline=None)
 @given(typed_graphs(), devices)
 def test_a_single_cycle_computes_all_numbers_in_the_cycle_of_their_inputs(typed: TypedGraph, device: Device):
-    plan = schedule(typed, device, 1, 1)
+    plan = planned(typed, device, 1, 1)
     if plan.shallower:
         roots = [root for _, root in typed.graph.states if not is_flag(typed.graph.operations[root])]
         assert all(plan.end(root) == 0 for root in roots)
@@ -90,14 +124,14 @@ def _loop_of(adders: int) -> TypedGraph:
 def test_the_bound_of_a_loop_is_its_length(adders: int):
     typed = _loop_of(adders)
     # On the unit device an adder fills a cycle.
-    assert schedule(typed, UNIT, None, 1).recurrence_bound == adders
+    assert planned(typed, UNIT, None, 1).recurrence_bound == adders
     # A memory takes a cycle to read, one to write and one to turn round.
-    assert schedule(typed, UNIT, None, 4).recurrence_bound == adders + 3
+    assert planned(typed, UNIT, None, 4).recurrence_bound == adders + 3
 
 
 @pytest.mark.parametrize(("clock_mhz", "bound"), [(1000, 12), (500, 6), (250, 3), (100, 2), (80, 1)])
 def test_a_slower_clock_chains_more_in_a_cycle(clock_mhz: float, bound: int):
-    plan = schedule(_loop_of(12), UNIT, None, 1, clock_mhz)
+    plan = planned(_loop_of(12), UNIT, None, 1, clock_mhz)
     assert plan.recurrence_bound == bound
     assert plan.period_ns <= 1000 / clock_mhz
 
@@ -111,33 +145,33 @@ def test_two_states_that_feed_each_other_share_the_bound_of_their_loop():
     new_y = b.quantise(x, WORD, Rounding.FLOOR, Overflow.WRAP)
     typed = b.typed({"x": new_x, "y": new_y}, {"s": wide[0], "d": wide[1]}, Rounding.FLOOR)
     # Three adders and nothing over two steps: a step every ceil((3 + 1) / 2) cycles.
-    assert schedule(typed, UNIT, None, 1).recurrence_bound == 2
+    assert planned(typed, UNIT, None, 1).recurrence_bound == 2
 
 
 @pytest.mark.parametrize(
     "division", [LongDivision(), LongDivision(radix=4), TableNewton(index_bits=6, iterations=1)]
 )
 def test_a_filter_is_pipelined_to_the_period_of_the_device(division: LongDivision | TableNewton):
-    plan = schedule(alpha_beta(division), PLAUSIBLE, None, 1)
+    plan = planned(alpha_beta(division), PLAUSIBLE, None, 1)
     assert plan.period_ns <= PLAUSIBLE.pipelined_period_ns
     assert plan.interval == plan.recurrence_bound > 5
     assert max(plan.registers) >= 3
 
 
 def test_operators_too_long_for_the_clock_set_the_period():
-    plan = schedule(alpha_beta(), PLAUSIBLE, None, 1, clock_mhz=1000.0)
+    plan = planned(alpha_beta(), PLAUSIBLE, None, 1, clock_mhz=1000.0)
     # The multiplier block and its register.
     assert plan.period_ns == pytest.approx(4.2 + 0.9)
 
 
 def test_interleaved_tracks_take_an_update_every_clock():
-    plan = schedule(alpha_beta(), PLAUSIBLE, 1, 16)
+    plan = planned(alpha_beta(), PLAUSIBLE, 1, 16)
     assert (plan.interval, plan.shallower) == (1, False)
     assert plan.distance <= 16
 
 
 def test_a_state_is_read_no_earlier_than_it_is_needed():
-    plan = schedule(alpha_beta(), PLAUSIBLE, None, 1)
+    plan = planned(alpha_beta(), PLAUSIBLE, None, 1)
     operations = plan.typed.graph.operations
     read = next(k for k, o in enumerate(operations) if o == State("x"))
     assert plan.start[read] == min(plan.start[k] for k in plan.typed.graph.users[read])
@@ -148,7 +182,7 @@ def test_a_state_is_read_no_earlier_than_it_is_needed():
 def test_multiplier_blocks_stay_within_their_number(
     typed: TypedGraph, device: Device, blocks: int, channels: int
 ):
-    plan = schedule(typed, device, None, channels, multiplier_blocks=blocks)
+    plan = planned(typed, device, None, channels, multiplier_blocks=blocks)
     library = operators(typed, device, plan.on_multiplier_block)
     assert sum(library[k].blocks for k in plan.on_multiplier_block) <= blocks
 
@@ -158,10 +192,10 @@ def test_the_gain_keeps_its_block_before_an_output_does():
     operations = typed.graph.operations
     products = [k for k, o in enumerate(operations) if isinstance(o, Multiply)]
     square = dict(typed.graph.outputs)["square"]
-    assert schedule(typed, PLAUSIBLE, None, 1).on_multiplier_block == frozenset(products)
-    assert square not in schedule(typed, PLAUSIBLE, None, 1, multiplier_blocks=2).on_multiplier_block
-    assert square not in schedule(typed, PLAUSIBLE, 1, 1).on_multiplier_block
-    assert schedule(typed, PLAUSIBLE, None, 1, multiplier_blocks=0).on_multiplier_block == frozenset()
+    assert planned(typed, PLAUSIBLE, None, 1).on_multiplier_block == frozenset(products)
+    assert square not in planned(typed, PLAUSIBLE, None, 1, multiplier_blocks=2).on_multiplier_block
+    assert square not in planned(typed, PLAUSIBLE, 1, 1).on_multiplier_block
+    assert planned(typed, PLAUSIBLE, None, 1, multiplier_blocks=0).on_multiplier_block == frozenset()
 
 
 def test_multiplications_by_a_few_bits_are_logic():
@@ -169,7 +203,7 @@ def test_multiplications_by_a_few_bits_are_logic():
     x, z = b.source(State("x"), WORD), b.source(Input("z"), Fixed(width=4, fraction=0))
     root = b.quantise(b.multiply(x, z), WORD, Rounding.FLOOR, Overflow.SATURATE)
     typed = b.typed({"x": root}, {}, Rounding.FLOOR)
-    assert schedule(typed, PLAUSIBLE, None, 1).on_multiplier_block == frozenset()
+    assert planned(typed, PLAUSIBLE, None, 1).on_multiplier_block == frozenset()
 
 
 def test_wide_multiplications_count_a_block_for_each_pair_of_limbs():
@@ -178,14 +212,14 @@ def test_wide_multiplications_count_a_block_for_each_pair_of_limbs():
     product = b.multiply(x, b.source(Input("z"), Fixed(width=32, fraction=20)))
     typed = b.typed({"x": b.quantise(product, WORD, Rounding.FLOOR, Overflow.WRAP)}, {}, Rounding.FLOOR)
     assert operators(typed, PLAUSIBLE, frozenset({product}))[product].blocks == 4
-    assert schedule(typed, PLAUSIBLE, None, 1, multiplier_blocks=3).on_multiplier_block == frozenset()
+    assert planned(typed, PLAUSIBLE, None, 1, multiplier_blocks=3).on_multiplier_block == frozenset()
 
 
 @settings(max_examples=30, deadline=None)
 @given(typed_graphs(), devices)
 def test_two_schedules_of_a_graph_are_equal(typed: TypedGraph, device: Device):
     again = replace(typed, graph=replace(typed.graph))
-    assert schedule(typed, device, None, 1) == schedule(again, device, None, 1)
+    assert planned(typed, device, None, 1) == planned(again, device, None, 1)
 
 
 @pytest.mark.parametrize(
@@ -205,7 +239,7 @@ def test_two_schedules_of_a_graph_are_equal(typed: TypedGraph, device: Device):
 )
 def test_an_architecture_that_cannot_be_is_refused(arguments: dict[str, float], message: str):
     with pytest.raises(ScheduleError) as error:
-        schedule(alpha_beta(), UNIT, **arguments)
+        planned(alpha_beta(), UNIT, **arguments)
     assert str(error.value) == message
 
 
@@ -221,5 +255,5 @@ def test_ten_thousand_operations_are_scheduled_in_under_a_minute():
         values.append(b.quantise(total, WORD, Rounding.FLOOR, Overflow.SATURATE))
     typed = b.typed({f"x[{k}]": values[-1 - k] for k in range(54)}, {}, Rounding.FLOOR)
     begin = time.process_time()
-    schedule(typed, PLAUSIBLE, 10, 1)
+    planned(typed, PLAUSIBLE, 10, 1)
     assert time.process_time() - begin < 60

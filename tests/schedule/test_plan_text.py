@@ -13,8 +13,8 @@ from kalmanhdl.errors import DesignError
 from kalmanhdl.graph.operations import Input, State
 from kalmanhdl.numerics.text import parse_typed_graph, print_typed_graph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.text import parse_plan, print_plan, table
+from planning import planned
 
 
 def _halving() -> TypedGraph:
@@ -56,17 +56,17 @@ z = 1.0
 
 
 def test_a_plan_as_text():
-    assert print_plan(schedule(_halving(), PLAUSIBLE, 1, 1)) == TEXT
+    assert print_plan(planned(_halving(), PLAUSIBLE, 1, 1)) == TEXT
 
 
 def test_the_text_is_the_plan():
-    assert parse_plan(TEXT) == schedule(_halving(), PLAUSIBLE, 1, 1)
+    assert parse_plan(TEXT) == planned(_halving(), PLAUSIBLE, 1, 1)
 
 
 @settings(max_examples=60, deadline=None)
 @given(typed_graphs(), st.sampled_from((1, 3)))
 def test_every_plan_parses_back(typed: TypedGraph, channels: int):
-    plan = schedule(typed, UNIT, None, channels)
+    plan = planned(typed, UNIT, None, channels)
     assert parse_plan(print_plan(plan)) == plan
 
 
@@ -119,7 +119,7 @@ def test_a_line_that_is_not_understood_is_named(written: str, instead: str, mess
 
 
 def test_the_table_tells_what_starts_when():
-    assert table(schedule(alpha_beta(), PLAUSIBLE, 2, 1)) == (
+    assert table(planned(alpha_beta(), PLAUSIBLE, 2, 1)) == (
         "interval 2, channels 1, recurrence bound 9, distance 2, latency 2 cycles of 24.41 ns\n"
         "cycle  operations that start\n"
         "    0  add 1, input 1, quantise 1, reciprocal 1, state 1\n"

@@ -10,7 +10,6 @@ from kalmanhdl.rtl.filter import Filter
 from kalmanhdl.rtl.interface import interface
 from kalmanhdl.rtl.verilog import header, to_rtlil
 from kalmanhdl.schedule.checker import problems
-from kalmanhdl.schedule.modulo import schedule
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.target import device
@@ -18,6 +17,7 @@ from kalmanhdl.toolchain.cxxrtl import build_library
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 from kalmanhdl.verify.compare import border_of, verify
 from kalmanhdl.verify.stimulus import Section, random_steps
+from planning import planned
 
 pytestmark = pytest.mark.skipif(
     not any(map(shutil.which, ("g++", "clang++", "c++"))), reason="no C++ compiler"
@@ -38,13 +38,13 @@ def verified_steps(plan: Plan, count: int) -> int:
 @pytest.mark.parametrize("method", [Cordic(), Interpolation(index_bits=8)])
 @pytest.mark.parametrize("width", [16, 24])
 def test_every_function_is_in_hardware_what_it_is_in_the_engine(width, method):
-    plan = schedule(Robot(width, method).typed, PART, 1, 4)
+    plan = planned(Robot(width, method).typed, PART, 1, 4)
     assert not problems(plan, PART)
     assert verified_steps(plan, 3000) >= 3000
 
 
 def test_the_functions_of_a_short_word_run_in_one_clock():
-    plan = schedule(Robot(8, None).typed, PART, 1, 1)
+    plan = planned(Robot(8, None).typed, PART, 1, 1)
     assert plan.distance == 1
     assert not problems(plan, PART)
     assert verified_steps(plan, 3000) >= 3000

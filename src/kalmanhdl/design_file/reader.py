@@ -140,6 +140,9 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             clock_mhz=architecture.clock_mhz,
             multiplier_blocks=architecture.multiplier_blocks,
             multiplier=architecture.multiplier,
+            units=architecture.units,
+            latency=architecture.latency,
+            updates_per_second=architecture.updates_per_second,
         ),
         target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
     )

@@ -283,6 +283,9 @@ class ArchitectureTable(Table):
     clock_mhz: Number | None = None
     multiplier_blocks: Integer | None = None
     multiplier: LogicProduct = LogicProduct.BOOTH
+    units: dict[str, Integer] | None = None
+    latency: Integer | None = None
+    updates_per_second: Number | None = None
 
 
 class TargetTable(Table):

@@ -251,6 +251,13 @@ def _architecture(architecture: Architecture) -> Lines:
         lines.append(f"multiplier_blocks = {architecture.multiplier_blocks}")
     if architecture.multiplier is not Architecture().multiplier:
         lines.append(f"multiplier = {_text(architecture.multiplier.value)}")
+    if architecture.units is not None:
+        counts = ", ".join(f"{kind} = {count}" for kind, count in architecture.units.items())
+        lines.append(f"units = {{ {counts} }}" if counts else "units = {}")
+    if architecture.latency is not None:
+        lines.append(f"latency = {architecture.latency}")
+    if architecture.updates_per_second is not None:
+        lines.append(f"updates_per_second = {_number(architecture.updates_per_second)}")
     return lines
 
 

@@ -40,10 +40,15 @@ class Reals:
     scales: dict[str, float]
 
 
-def numbers(model: Model, algorithm: Algorithm, specification: FixedSpecification) -> Numbers:
-    """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model."""
+def numbers(
+    model: Model, algorithm: Algorithm, specification: FixedSpecification, *, on_multipliers: bool = False
+) -> Numbers:
+    """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model.
+
+    Constants multiply by shifts and adds, or ``on_multipliers``, which gives the same numbers.
+    """
     reals = in_reals(model, algorithm, specification)
-    typed = quantise(reals.graph, reals.ranges, specification, reals.scales)
+    typed = quantise(reals.graph, reals.ranges, specification, reals.scales, on_multipliers=on_multipliers)
     return Numbers(scaling=reals.scaling, graph=reals.graph, typed=typed)
 
 

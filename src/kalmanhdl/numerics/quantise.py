@@ -1,7 +1,8 @@
 """From a graph of reals to a graph of integers.
 
 Every named signal (a state, a gain, an innovation) and every operand of a multiplication or division is
-brought into a format once; sums in between are exact. Constant multiplications become shifts and adds.
+brought into a format once; sums in between are exact. Constant multiplications become shifts and adds, or
+wait for a multiplier where few are shared.
 """
 
 import math
@@ -64,15 +65,22 @@ _OF_POINTS = (Function.ARCTANGENT, Function.HYPOTENUSE)
 
 
 def quantise(
-    graph: Graph, ranges: Ranges, specification: FixedSpecification, scales: dict[str, float]
+    graph: Graph,
+    ranges: Ranges,
+    specification: FixedSpecification,
+    scales: dict[str, float],
+    *,
+    on_multipliers: bool = False,
 ) -> TypedGraph:
     """The typed graph of a graph of reals whose operations take values within ``ranges``.
+
+    Constants multiply by shifts and adds, or ``on_multipliers``, which gives the same numbers.
 
     Raises:
         FormatError: a constant of the model does not fit the format that the design gives its signal.
         DesignError: the design gives a format to a signal that the graph has not.
     """
-    lowering = _Lowering(graph, ranges, specification)
+    lowering = _Lowering(graph, ranges, specification, on_multipliers)
     states = [(name, lowering.state(name, root)) for name, root in graph.states]
     outputs = [(name, lowering.output(root)) for name, root in graph.outputs]
     kept_state = dict(states)
@@ -93,8 +101,11 @@ def _check_signals(specification: FixedSpecification, known: set[str]) -> None:
 class _Lowering:
     """One pass over a graph; keeps for every operation of reals the exact integer value it became."""
 
-    def __init__(self, graph: Graph, ranges: Ranges, specification: FixedSpecification) -> None:
+    def __init__(
+        self, graph: Graph, ranges: Ranges, specification: FixedSpecification, on_multipliers: bool
+    ) -> None:
         self.graph, self.ranges, self.specification = graph, ranges, specification
+        self.on_multipliers = on_multipliers
         self.builder = Builder()
         self.types: list[Typed | None] = []
         self.given: dict[int, Fixed] = {}
@@ -243,7 +254,8 @@ class _Lowering:
         return self.builder.constant(constant)
 
     def _by_constant(self, factor: Fraction, index: int) -> int:
-        return multiplied(self.builder, significant(factor, self._constant_width()), index)
+        factor = significant(factor, self._constant_width())
+        return multiplied(self.builder, factor, index, on_multipliers=self.on_multipliers)
 
     def _quotient(self, index: int, a: int, b: int) -> int:
         """A quotient whose divisor may come near zero goes by the reciprocal, which is watched."""

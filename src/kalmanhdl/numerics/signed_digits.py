@@ -22,10 +22,19 @@ def canonical_signed_digits(value: int) -> list[tuple[int, int]]:
     return digits
 
 
-def multiplied(builder: Builder, factor: Fraction, index: int) -> int:
-    """A binary fraction times a value, as a balanced tree over shifted copies of the value."""
+FEW_DIGITS = 4
+"""A multiplication by so few digits costs less in logic than the way to a multiplier."""
+
+
+def multiplied(builder: Builder, factor: Fraction, index: int, *, on_multipliers: bool = False) -> int:
+    """A binary fraction times a value, as a balanced tree over shifted copies of the value.
+
+    ``on_multipliers``: one of more than a few digits stays a multiplication.
+    """
     negative, exponent = factor < 0, factor.denominator.bit_length() - 1
     digits = canonical_signed_digits(abs(factor.numerator))
+    if on_multipliers and len(digits) > FEW_DIGITS:
+        return builder.multiply(builder.constant(factor), index)
     total = _total(builder, [(sign, builder.shift(index, place - exponent)) for sign, place in digits])
     return builder.negate(total) if negative else total
 

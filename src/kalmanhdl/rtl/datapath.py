@@ -7,7 +7,9 @@ from kalmanhdl.graph.operations import State, StateFlag
 from kalmanhdl.rtl.interface import INITIALISE_FLAG, Command, Interface
 from kalmanhdl.rtl.layouts import result_layout, shape, step_layout
 from kalmanhdl.rtl.names import identifier
-from kalmanhdl.rtl.timeline import Timeline
+from kalmanhdl.rtl.shared_unit import SharedUnit
+from kalmanhdl.rtl.timeline import Phases, Timeline
+from kalmanhdl.rtl.turns import take_turns
 from kalmanhdl.rtl.values import Values
 from kalmanhdl.schedule.plan import Plan
 
@@ -55,10 +57,16 @@ class Datapath(Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         states = {name: getattr(self, identifier(name)) for name, _ in _states(self._plan)}
-        values = Values(m, self._plan, self._inputs(), states)
+        units = tuple(SharedUnit(self._plan, number) for number in range(len(self._plan.units)))
+        phases = Phases(m, self._plan.interval, max((unit.turns for unit in units), default=1))
+        values = Values(m, phases, self._plan, self._inputs(), states, units)
+        for number, unit in enumerate(units):
+            m.submodules[f"{unit.kind}_{number}"] = unit
+            take_turns(m, phases, values, unit, f"{unit.kind}_{number}")
         for name, root in self._plan.typed.graph.states:
             m.d.comb += getattr(self, f"next_{identifier(name)}").eq(values.at(root, self._plan.end(root)))
-        self._connect_results(m, values)
+        self._connect_results(m, phases, values)
+        phases.finish()
         return m
 
     def _inputs(self) -> dict[str, Value]:
@@ -66,13 +74,21 @@ class Datapath(Component):
         initialise = self.step.command == Command.INITIALISE
         return {INITIALISE_FLAG: initialise} | {port.signal: self.step[port.field] for port in ports}
 
-    def _connect_results(self, m: Module, values: Values) -> None:
+    def _connect_results(self, m: Module, phases: Phases, values: Values) -> None:
         last = result_cycle(self._plan)
-        valid = Timeline(m, "valid", self.valid, 0, reset=True)
-        m.d.comb += [getattr(self, f"valid_c{cycle}").eq(valid.at(cycle)) for cycle in self._valid_cycles]
-        m.d.comb += self.result_valid.eq(valid.at(last))
+        valid = Timeline(m, phases, "valid", self.valid, 0, reset=True)
+
+        def there(cycle: int) -> Value:
+            # A copy of the valid bit stands for an interval; the step is in a cycle for one clock.
+            return (
+                valid.at(cycle) & phases.active(cycle) if cycle and phases.interval > 1 else valid.at(cycle)
+            )
+
+        m.d.comb += [getattr(self, f"valid_c{cycle}").eq(there(cycle)) for cycle in self._valid_cycles]
+        m.d.comb += self.result_valid.eq(there(last))
+        stands = self._plan.interval - 1
         for field in ("track", "command")[self._interface.track_width == 0 :]:
-            tag = Timeline(m, field, self.step[field], 0)
+            tag = Timeline(m, phases, field, self.step[field], 0, last=stands)
             m.d.comb += self.result[field].eq(tag.at(last))
             if field == "track":
                 m.d.comb += [getattr(self, f"track_c{c}").eq(tag.at(c)) for c in self._track_cycles]

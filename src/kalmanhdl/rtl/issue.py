@@ -30,9 +30,9 @@ def pace(plan: Plan) -> Pace:
 class Issue(Component):
     """Starts steps on the datapath, each in a cycle in which it may, in the order in which they came.
 
-    ``go`` tells that ``next_step`` is issued; in the cycle after, which is cycle 0 of the step, it stands
-    in ``step``, and ``valid`` is high. ``room`` promises a place in the queue of results for one step. A
-    prediction has its measurements, the fields ``present``, taken away.
+    ``go`` tells that ``next_step`` is issued; in the cycle after, which is cycle 0 of the step, ``valid`` is
+    high, and it stands in ``step`` until the next may be issued. ``room`` promises a place in the queue of
+    results for one step. A prediction has its measurements, the fields ``present``, taken away.
     """
 
     def __init__(self, layout: StructLayout, present: tuple[str, ...], pace: Pace) -> None:
@@ -61,16 +61,18 @@ class Issue(Component):
                 self.go.eq(self.i.valid & self.room & tick),
                 self.i.ready.eq(self.go),
             ]
-        self._enter(m)
+        self._enter(m, tick)
         return m
 
-    def _enter(self, m: Module) -> None:
-        entered = Signal()
-        step = Signal(self._layout, reset_less=True)
-        m.d.sync += [entered.eq(self.go), step.eq(self.next_step)]
+    def _enter(self, m: Module, tick: Value) -> None:
+        """The step stands until another may be issued."""
+        entered, step = Signal(), Signal(self._layout, reset_less=True)
+        m.d.sync += entered.eq(self.go)
         command = self.next_step.command
         measures = (command == Command.INITIALISE) | (command == Command.UPDATE)
-        m.d.sync += [step[field].eq(self.next_step[field] & measures) for field in self._present]
+        with m.If(tick):
+            m.d.sync += step.eq(self.next_step)
+            m.d.sync += [step[field].eq(self.next_step[field] & measures) for field in self._present]
         m.d.comb += [self.valid.eq(entered), self.step.eq(step)]
 
     def _tick(self, m: Module) -> Value:

@@ -4,7 +4,9 @@ from amaranth.hdl import Shape
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.division_structure import ONE, Operand, in_one_table
-from kalmanhdl.graph.operations import Divide, Reciprocal
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import operands
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.divider import LongDivider
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
@@ -20,22 +22,25 @@ def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
 
 def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal | ReciprocalTable:
     """The core of a division or, without the port ``dividend``, of a reciprocal."""
-    operation, typed = plan.typed.graph.operations[index], plan.typed
-    form, rounding, registers = typed.formats[index], typed.division_rounding, plan.registers[index]
-    assert form is not None
-    match operation, typed.division:
-        case Reciprocal(a), TableNewton() as method if in_one_table(_operand(plan, a), method):
-            return ReciprocalTable(_operand(plan, a), form, rounding, method, registers)
-        case Reciprocal(a), TableNewton() as method:
-            on_block = index in plan.on_multiplier_block
-            return TableNewtonReciprocal(_operand(plan, a), form, rounding, method, registers, on_block)
-        case Reciprocal(a), LongDivision(radix=radix):
-            return LongDivider(ONE, _operand(plan, a), form, rounding, radix, registers)
-        case Divide(a, b), method:
-            # A table gives reciprocals only; a quotient is always found by long division.
-            radix = method.radix if isinstance(method, LongDivision) else 2
-            return LongDivider(_operand(plan, a), _operand(plan, b), form, rounding, radix, registers)
-    raise AssertionError(operation)
+    typed, form = plan.typed, plan.typed.formats[index]
+    assert isinstance(form, Fixed)
+    reads = tuple(_operand(plan, k) for k in operands(typed.graph.operations[index]))
+    return division(typed, reads, form, plan.registers[index], index in plan.on_multiplier_block)
+
+
+def division(
+    typed: TypedGraph, reads: tuple[Operand, ...], form: Fixed, registers: int, on_block: bool
+) -> LongDivider | TableNewtonReciprocal | ReciprocalTable:
+    """The core that divides the first operand by the second, or gives the reciprocal of the only one."""
+    rounding, method = typed.division_rounding, typed.division
+    if len(reads) == 1 and isinstance(method, TableNewton):
+        if in_one_table(reads[0], method):
+            return ReciprocalTable(reads[0], form, rounding, method, registers)
+        return TableNewtonReciprocal(reads[0], form, rounding, method, registers, on_block)
+    # A table gives reciprocals only; a quotient is always found by long division.
+    radix = method.radix if isinstance(method, LongDivision) else 2
+    dividend, divisor = reads if len(reads) == 2 else (ONE, reads[0])
+    return LongDivider(dividend, divisor, form, rounding, radix, registers)
 
 
 def _operand(plan: Plan, index: int) -> Operand:

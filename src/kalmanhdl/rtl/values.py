@@ -1,6 +1,6 @@
 """The values of all operations of a plan, each built in its cycle from what it reads."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never
 
@@ -39,25 +39,40 @@ from kalmanhdl.rtl.names import operation_names
 from kalmanhdl.rtl.operators import divider, multiplier
 from kalmanhdl.rtl.quantiser import aligned, quantised
 from kalmanhdl.rtl.shapes import fitted
+from kalmanhdl.rtl.shared_unit import SharedUnit
+from kalmanhdl.rtl.stages import named
 from kalmanhdl.rtl.table import looked_up
-from kalmanhdl.rtl.timeline import Always, Timeline
+from kalmanhdl.rtl.timeline import Always, Phases, Timeline
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.results import Cut, FromUnit, Moved, Own, Rounded, Wire
+from kalmanhdl.schedule.storage import standing, wires
 
 
 class Values:
     """The hardware of a plan's operations.
 
     ``inputs`` gives the inputs and flags of a step by name, as they stand in cycle 0; ``states`` each
-    state as it stands in the cycle in which its operation starts.
+    state as it stands in the cycle in which its operation starts; ``units`` the shared operators.
     """
 
     def __init__(
-        self, m: Module, plan: Plan, inputs: Mapping[str, Value], states: Mapping[str, Value]
+        self,
+        m: Module,
+        phases: Phases,
+        plan: Plan,
+        inputs: Mapping[str, Value],
+        states: Mapping[str, Value],
+        units: Sequence[SharedUnit],
     ) -> None:
         self._m = m
-        self._plan = plan
+        self._phases = phases
+        self.plan = plan
+        self.wires = wires(plan)
         self._inputs = inputs
         self._states = states
+        self._units = units
+        self._standing = standing(plan)
+        self._wired: dict[Wire, Value] = {}
         self._names = operation_names(plan.typed.graph)
         self._roundings: dict[tuple[int, int, Rounding, int], Value] = {}
         self._timelines: list[Timeline | Always] = []
@@ -68,27 +83,81 @@ class Values:
         """The value of an operation as it stands in a cycle, its end or later."""
         return self._timelines[index].at(cycle)
 
+    def result(self, index: int) -> Value:
+        """The value of an operation in the cycle of its end, on the wire that others may share."""
+        wire = self.wires.of(index)
+        return self.at(index, self.plan.end(index)) if isinstance(wire, Own) else self._on(wire)
+
+    def _on(self, wire: Wire) -> Value:
+        """The hardware behind a wire that several operations share."""
+        if wire not in self._wired:
+            self._wired[wire] = self._behind(wire)
+        return self._wired[wire]
+
+    def _behind(self, wire: Wire) -> Value:
+        match wire:
+            case FromUnit(unit):
+                return self._units[unit].result
+            case Moved(source):
+                return self._on(source)
+            case Cut(source, form):
+                if form is None:
+                    return exact.negative(Number(self._on(source), self._form_on(source)))
+                low = aligned(self._on(source), self._form_on(source).fraction, form, Rounding.FLOOR)
+                return fitted(low, form.width, form.signed)
+            case Rounded(source, form, rounding, overflow, outside):
+                fraction = self._form_on(source).fraction
+                both = quantised(self._on(source), fraction, form, rounding, overflow)
+                value = both[outside]
+                name = f"shared_{'outside' if outside else 'rounded'}_{len(self._wired)}"
+                return named(self._m, name, value)
+            case Own():
+                raise AssertionError(wire)
+            case _:
+                assert_never(wire)
+
+    def _form_on(self, wire: Wire) -> Fixed:
+        match wire:
+            case FromUnit(unit, fraction):
+                form = self._units[unit].form
+                return Fixed(width=form.width, fraction=fraction, signed=form.signed)
+            case Moved(source, exponent):
+                form = self._form_on(source)
+                return Fixed(width=form.width, fraction=form.fraction - exponent, signed=form.signed)
+            case Cut(_, form) | Rounded(_, form):
+                assert form is not None
+                return form
+            case Own():
+                raise AssertionError(wire)
+            case _:
+                assert_never(wire)
+
     def _timeline(self, index: int, operation: Operation) -> Timeline | Always:
-        start, name = self._plan.start[index], self._names[index]
+        start, name = self.plan.start[index], self._names[index]
+        wire = self.wires.of(index)
+        if not isinstance(wire, Own):
+            return self._named(index, self._on(wire), self.plan.end(index))
         match operation:
             case Constant(value):
                 form = self._form(index)
                 return Always(Const(int(value / form.resolution), shape(form)))
             case Input(signal) | Flag(signal):
-                return Timeline(self._m, name, self._inputs[signal], 0)
+                last = self._standing[index]
+                return Timeline(self._m, self._phases, name, self._inputs[signal], 0, last=last)
             case State(signal) | StateFlag(signal):
-                return Timeline(self._m, name, self._states[signal], start)
+                last = self._standing[index]
+                return Timeline(self._m, self._phases, name, self._states[signal], start, last=last)
             case Bits(a, form):
                 low = aligned(self.at(a, start), self._fraction(a), form, Rounding.FLOOR)
                 return self._named(index, fitted(low, form.width, form.signed), start)
             case Table(a, rows):
                 return self._named(index, self._row(index, a, rows), start)
             case Multiply():
-                return self._named(index, self._product(index, operation), self._plan.end(index))
+                return self._named(index, self._product(index, operation), self.plan.end(index))
             case Unary() | Binary():
                 raise AssertionError(f"{operation} in a graph of integers")
             case Divide() | Reciprocal():
-                return self._named(index, self._quotient(index, operation), self._plan.end(index))
+                return self._named(index, self._quotient(index, operation), self.plan.end(index))
             case _:
                 # Registers of these operations, if any, follow the logic: the timeline makes them.
                 return self._named(index, self._logic(index, operation), start)
@@ -98,7 +167,7 @@ class Values:
         index: int,
         operation: Add | Subtract | Shift | Select | Quantise | Outside | Negative | And | Or | Not,
     ) -> Value:
-        start = self._plan.start[index]
+        start = self.plan.start[index]
         match operation:
             case Add(a, b):
                 return exact.add(self._number(a, start), self._number(b, start), self._fraction(index))
@@ -130,13 +199,13 @@ class Values:
         self, index: int, a: int, form: Fixed, rounding: Rounding, overflow: Overflow
     ) -> tuple[Value, Value]:
         """Quantise with the rounding shared by all operations that round the same operand alike."""
-        start, fraction = self._plan.start[index], self._fraction(a)
+        start, fraction = self.plan.start[index], self._fraction(a)
         key = a, form.fraction, rounding, start
         if key not in self._roundings:
             value = aligned(self.at(a, start), fraction, form, rounding)
             name = f"{self._names[index]}_rounded"
-            self._roundings[key] = Timeline.computed(self._m, name, value, value.shape(), start).at(start)
-        interval = self._plan.typed.intervals[a]
+            self._roundings[key] = named(self._m, f"{name}_c{start}", value)
+        interval = self.plan.typed.intervals[a]
         assert interval is not None
         low, high = (
             rounded(raw, fraction - form.fraction, rounding) for raw in (interval.low, interval.high)
@@ -147,20 +216,20 @@ class Values:
         form, address = self._form(index), (len(rows) - 1).bit_length()
         mask = (1 << form.width) - 1
         entries = [int(row / form.resolution) & mask for row in rows]
-        number = fitted(self.at(a, self._plan.start[index]), address, False)
+        number = fitted(self.at(a, self.plan.start[index]), address, False)
         return looked_up(self._m, f"{self._names[index]}_row", number, entries, form.width)
 
     def _product(self, index: int, operation: Multiply) -> Value:
-        start = self._plan.start[index]
+        start = self.plan.start[index]
         a, b = self.at(operation.a, start), self.at(operation.b, start)
-        core = multiplier(self._plan, index, a.shape(), b.shape())
+        core = multiplier(self.plan, index, a.shape(), b.shape())
         self._m.submodules[f"{self._names[index]}_multiplier"] = core
         self._m.d.comb += [core.a.eq(a), core.b.eq(b)]
         return core.product
 
     def _quotient(self, index: int, operation: Divide | Reciprocal) -> Value:
-        start = self._plan.start[index]
-        core = divider(self._plan, index)
+        start = self.plan.start[index]
+        core = divider(self.plan, index)
         self._m.submodules[f"{self._names[index]}_divider"] = core
         match operation:
             case Divide(a, b):
@@ -170,8 +239,8 @@ class Values:
         return core.quotient
 
     def _named(self, index: int, value: Value, cycle: int) -> Timeline:
-        form = self._plan.typed.formats[index]
-        return Timeline.computed(self._m, self._names[index], value, shape(form), cycle)
+        form = self.plan.typed.formats[index]
+        return Timeline.computed(self._m, self._phases, self._names[index], value, shape(form), cycle)
 
     def _number(self, index: int, cycle: int) -> Number:
         return Number(self.at(index, cycle), self._form(index))
@@ -180,6 +249,6 @@ class Values:
         return self._form(index).fraction
 
     def _form(self, index: int) -> Fixed:
-        form = self._plan.typed.formats[index]
+        form = self.plan.typed.formats[index]
         assert form is not None
         return form

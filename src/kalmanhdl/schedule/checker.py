@@ -24,12 +24,13 @@ def problems(plan: Plan, device: Device) -> list[str]:
     shape = list(_shape(plan))
     if shape:
         return shape
-    library = operators(plan.typed, device, plan.on_multiplier_block)
+    library = operators(plan.typed, device, plan.on_multiplier_block, plan.sharing)
     return [
         *_sources(plan),
         *_order(plan),
         *_states(plan),
         *_throughput(plan),
+        *_turns(plan),
         *_stages(plan, library, device),
         *_bounds(plan, library, device),
     ]
@@ -101,12 +102,51 @@ def _throughput(plan: Plan) -> Iterator[str]:
         yield f"a context of {plan.channels} channels cannot have an overhead of {plan.context_overhead}"
 
 
+def _turns(plan: Plan) -> Iterator[str]:
+    """Operations that share an operator: one at a time, each on one operator only, all equally long."""
+    seen: dict[int, int] = {}
+    for number, unit in enumerate(plan.units):
+        busy: dict[int, int] = {}
+        for index in unit.operations:
+            phase = plan.start[index] % plan.interval
+            if phase in busy:
+                yield (
+                    f"{_name(plan, index)} and {_name(plan, busy[phase])} both take operator {number} in "
+                    f"cycle {phase} of the interval"
+                )
+            if index in seen:
+                yield f"{_name(plan, index)} is on operators {seen[index]} and {number}"
+            busy[phase], seen[index] = index, number
+        if len({plan.registers[index] for index in unit.operations}) > 1 or not unit.operations:
+            yield f"operator {number} ({unit.kind}) has operations of different length, or none"
+        if any(plan.registers[index] < 1 for index in unit.operations):
+            yield f"operator {number} ({unit.kind}) has no registers for its operands"
+
+
+def _tails(plan: Plan, device: Device) -> list[int]:
+    """What follows each value in its last stage: the way to the context, or to a shared operator."""
+    turns = {index for unit in plan.units for index in unit.operations}
+    way = picoseconds(device.delay_ns("select", 1) + device.delay_ns("context_write", 1))
+    found = [0] * len(plan.start)
+    for index in turns:
+        for k in operands(plan.typed.graph.operations[index]):
+            found[k] = way
+    for _, root in plan.typed.graph.states:
+        found[root] = max(found[root], _context_delays(plan, device)[1])
+    for kind in {unit.kind for unit in plan.units}:
+        alike = [index for unit in plan.units if unit.kind == kind for index in unit.operations]
+        worst = max(found[index] for index in alike)
+        for index in alike:
+            found[index] = worst
+    return found
+
+
 def _stages(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterator[str]:
     """Chains of logic between registers, in the cycles that the plan gives them."""
-    read, write, register = _context_delays(plan, device)
-    roots = {root for _, root in plan.typed.graph.states}
+    read, _, register = _context_delays(plan, device)
     limit = picoseconds(plan.period_ns) - register
     values: list[Moment] = []
+    tails = _tails(plan, device)
     for index, operation in enumerate(plan.typed.graph.operations):
         held = plan.registers[index]
         if held > library[index].capacity:
@@ -119,7 +159,7 @@ def _stages(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterat
             parts[0] += read
         parts[0] += max(chained, default=0)
         values.append((begin + held, parts[-1]))
-        longest = max(*parts, parts[-1] + write * (index in roots))
+        longest = max(*parts, parts[-1] + tails[index])
         if longest > limit:
             yield (
                 f"{_name(plan, index)} ends a stage of {longest + register} ps, longer than the period of "
@@ -164,12 +204,10 @@ def _edges(
     edges = np.full((len(graph.states), len(graph.states)), -np.inf)
     delays = _context_delays(plan, device)
     limit = picoseconds(period_ns) - delays[2]
-    depths = _depths(plan, library, delays[1], limit)
+    tails = _tails(plan, device)
+    depths = _depths(library, tails, limit)
     parts = [operator.stages(depth) for operator, depth in zip(library, depths, strict=True)]
     before = list(map(operands, graph.operations))
-    tails = [0] * len(library)
-    for _, root in graph.states:
-        tails[root] = delays[1]
     for row, (name, _) in enumerate(graph.states):
         if name in reads:
             ends = _walk(parts, before, tails, limit, reads[name], delays[0])
@@ -179,16 +217,15 @@ def _edges(
     return edges
 
 
-def _depths(plan: Plan, library: tuple[Operator, ...], write: int, limit: int) -> list[int]:
+def _depths(library: tuple[Operator, ...], tails: Sequence[int], limit: int) -> list[int]:
     """The fewest registers with which every operator fits into the period."""
-    roots = {root for _, root in plan.typed.graph.states}
 
     def fits(index: int, held: int) -> bool:
         parts = library[index].stages(held)
-        return max(*parts, parts[-1] + write * (index in roots)) <= limit
+        return max(*parts, parts[-1] + tails[index]) <= limit
 
     return [
-        next(k for k in count() if k >= operator.capacity or fits(index, k))
+        next(k for k in count(int(operator.shared)) if k >= operator.capacity or fits(index, k))
         for index, operator in enumerate(library)
     ]
 

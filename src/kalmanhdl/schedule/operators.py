@@ -4,8 +4,10 @@ Delays are whole picoseconds, so that sums compare exactly and schedules do not 
 additions.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import ceil, log
 from typing import assert_never
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
@@ -52,12 +54,15 @@ from kalmanhdl.graph.operations import (
     Subtract,
     Table,
     Unary,
+    operands,
 )
+from kalmanhdl.numerics.signed_digits import FEW_DIGITS
 from kalmanhdl.numerics.typed import Interval, TypedGraph
+from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing, core
 from kalmanhdl.target.device import Device
 
-# A multiplication of so few rows costs less in logic than the way to a block.
-_ROWS_ALWAYS_IN_LOGIC = 4
+# Operands of so few turns are chosen among registers.
+_FEW_TURNS = 8
 
 # How the hardware weighs its steps, in levels of adders, when it places registers.
 _BLOCK_WEIGHT = 2.0
@@ -71,12 +76,17 @@ class Operator:
 
     A pipeline register can stand between any two pieces; ``weights`` are the delays by which the
     hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
+
+    A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
+    registers before the first piece.
     """
 
     kind: str
     pieces: tuple[int, ...]
     weights: tuple[float, ...] = ()
     blocks: int = 0
+    shared: bool = False
+    fetch: int = 0
 
     @property
     def delay(self) -> int:
@@ -86,10 +96,12 @@ class Operator:
     @property
     def capacity(self) -> int:
         """The number of registers that it can hold."""
-        return len(self.pieces) - 1
+        return len(self.pieces) - 1 + self.shared
 
     def stages(self, registers: int) -> tuple[int, ...]:
-        """The delays of its stages when it holds so many registers."""
+        """The delays of its stages when it holds so many registers, one at least where it is shared."""
+        if self.shared:
+            return (self.fetch, *_stages(self.pieces, self.weights or self.pieces, registers - 1))
         return _stages(self.pieces, self.weights or self.pieces, registers)
 
     def fits(self, registers: int, budget: int, tail: int) -> bool:
@@ -99,9 +111,9 @@ class Operator:
 
     def shortest_stage(self, tail: int) -> int:
         """The least budget that it fits into with any number of registers."""
-        least, floor = self.delay + tail, max(*self.pieces, tail)
+        least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
         # From the most registers on, which as a rule reach at once what no number of them can fall below.
-        for registers in reversed(range(len(self.pieces))):
+        for registers in range(self.capacity, self.shared - 1, -1):
             delays = self.stages(registers)
             least = min(least, max(*delays, delays[-1] + tail))
             if least == floor:
@@ -123,11 +135,43 @@ def _stages(pieces: tuple[int, ...], weights: tuple[float, ...], registers: int)
     return tuple(loads)
 
 
-def operators(typed: TypedGraph, device: Device, on_block: frozenset[int]) -> tuple[Operator, ...]:
+def operators(
+    typed: TypedGraph, device: Device, on_block: frozenset[int], shared: Sharing = NONE_SHARED
+) -> tuple[Operator, ...]:
     """The operator of every operation; those in ``on_block`` multiply on multiplier blocks."""
+    turns: dict[int, Operator] = {}
+    for kind, who in shared.operations.items():
+        turns |= dict.fromkeys(who, shared_operator(typed, kind, who, device, shared.counts[kind], on_block))
     return tuple(
-        operator(typed, index, device, index in on_block) for index in range(len(typed.graph.operations))
+        turns[index] if index in turns else operator(typed, index, device, index in on_block)
+        for index in range(len(typed.graph.operations))
     )
+
+
+def shared_operator(
+    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, count: int, on_block: frozenset[int]
+) -> Operator:
+    """The operator on which these operations take turns, one of ``count`` equal ones."""
+    made = core(typed, kind, who)
+    forms = [port.form for port in made.operands]
+    match kind:
+        case "multiply":
+            on_blocks = bool(on_block & frozenset(who))
+            inner = _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
+        case "add" | "subtract":
+            inner = Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
+        case _:
+            inner = division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
+    width = max(form.width for form in forms)
+    return replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+
+
+def _fetch(device: Device, width: int, turns: int) -> int:
+    """To choose one of so many operands: few from registers, many from small memories."""
+    select = _delay(device, "select", width)
+    if turns <= _FEW_TURNS:
+        return select * max(1, ceil(log(turns, 4)))
+    return _delay(device, "context_read", 16) + 2 * select
 
 
 def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> Operator:
@@ -153,10 +197,8 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
             return _wired(operation, _limit_check(typed, a, form, rounding, device))
         case And() | Or():
             return _wired(operation, _delay(device, "select", 1))
-        case Divide(_, b):
-            return _long_division("divide", typed, index, b, device)
-        case Reciprocal(a):
-            return _reciprocal(typed, index, a, device, on_block)
+        case Divide() | Reciprocal():
+            return _quotient(typed, index, device, on_block)
         case Unary() | Binary():
             raise AssertionError(f"{operation} in a graph of integers")
         case _:
@@ -175,7 +217,7 @@ def is_multiplier(typed: TypedGraph, index: int) -> bool:
         )
     if not isinstance(operation, Multiply):
         return False
-    return min(rows(typed, operation.a), rows(typed, operation.b)) > _ROWS_ALWAYS_IN_LOGIC
+    return min(rows(typed, operation.a), rows(typed, operation.b)) > FEW_DIGITS
 
 
 def rows(typed: TypedGraph, index: int) -> int:
@@ -300,12 +342,24 @@ def _operand(typed: TypedGraph, index: int) -> Operand:
     return Operand(form=_number(typed, index), low=interval.low, high=interval.high)
 
 
-def _long_division(kind: str, typed: TypedGraph, index: int, divisor: int, device: Device) -> Operator:
+def _quotient(typed: TypedGraph, index: int, device: Device, on_block: bool) -> Operator:
     operation = typed.graph.operations[index]
-    dividend = _operand(typed, operation.a) if isinstance(operation, Divide) else ONE
-    radix = typed.division.radix if isinstance(typed.division, LongDivision) else 2
-    form, rounding = _number(typed, index), typed.division_rounding
-    structure = long_structure(dividend, _operand(typed, divisor), form, rounding, radix)
+    assert isinstance(operation, Divide | Reciprocal)
+    reads = [_operand(typed, k) for k in operands(operation)]
+    return division(typed, _kind(operation), reads, _number(typed, index), device, on_block)
+
+
+def division(
+    typed: TypedGraph, kind: str, reads: Sequence[Operand], form: Fixed, device: Device, on_block: bool
+) -> Operator:
+    """The operator that divides the first operand by the second, or gives the reciprocal of the only one."""
+    method, rounding = typed.division, typed.division_rounding
+    if len(reads) == 1 and isinstance(method, TableNewton):
+        return _table_reciprocal(kind, reads[0], form, rounding, method, device, on_block)
+    # A table gives reciprocals only; a quotient is always found by long division.
+    radix = method.radix if isinstance(method, LongDivision) else 2
+    dividend, divisor = reads if len(reads) == 2 else (ONE, reads[0])
+    structure = long_structure(dividend, divisor, form, rounding, radix)
     row = _delay(device, "add", structure.row_width)
     wide_row = row + _delay(device, "select", structure.row_width)
     before = row if structure.biased else 0
@@ -316,16 +370,21 @@ def _long_division(kind: str, typed: TypedGraph, index: int, divisor: int, devic
     return Operator(kind=kind, pieces=pieces, weights=row_weights(structure))
 
 
-def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block: bool) -> Operator:
-    if isinstance(typed.division, LongDivision):
-        return _long_division("reciprocal", typed, index, a, device)
-    form, rounding, divisor = _number(typed, index), typed.division_rounding, _operand(typed, a)
-    if in_one_table(divisor, typed.division):
-        return Operator(kind="reciprocal", pieces=(_delay(device, "table", divisor.width),))
-    structure = table_structure(divisor, form, rounding, typed.division)
+def _table_reciprocal(
+    kind: str,
+    divisor: Operand,
+    form: Fixed,
+    rounding: Rounding,
+    method: TableNewton,
+    device: Device,
+    on_block: bool,
+) -> Operator:
+    if in_one_table(divisor, method):
+        return Operator(kind=kind, pieces=(_delay(device, "table", divisor.width),))
+    structure = table_structure(divisor, form, rounding, method)
     places = max(1, structure.positions - 1)
     normalise = _delay(device, "leading_one", places) + _delay(device, "shift", structure.longest)
-    pieces = [normalise, _delay(device, "table", typed.division.index_bits)]
+    pieces = [normalise, _delay(device, "table", method.index_bits)]
     blocks = 0
     for number, step in enumerate(structure.steps):
         for product in _newton_products(structure, number, device, on_block):
@@ -336,7 +395,7 @@ def _reciprocal(typed: TypedGraph, index: int, a: int, device: Device, on_block:
     nearest = rounding not in (Rounding.FLOOR, Rounding.TOWARD_ZERO)
     back = _delay(device, "shift", form.width) + (_delay(device, "add", form.width) if nearest else 0)
     pieces += [back, _delay(device, "select", form.width) if structure.above else 0]
-    return Operator(kind="reciprocal", pieces=tuple(pieces), blocks=blocks)
+    return Operator(kind=kind, pieces=tuple(pieces), blocks=blocks)
 
 
 def _newton_products(

@@ -5,11 +5,14 @@ Placing an operation is monotone in the times of its operands and commutes with 
 cycles, so that the latest of several paths decides and paths can be followed one by one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from kalmanhdl.graph.operations import Constant, Graph, State, StateFlag, operands
-from kalmanhdl.schedule.operators import Operator, picoseconds
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.operators import Operator, operators, picoseconds
+from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing
 from kalmanhdl.target.device import Device
 
 CYCLE_BITS = 40
@@ -65,23 +68,35 @@ class Pace:
         return self.budget + self.step.register
 
 
-def step_of(graph: Graph, operators: tuple[Operator, ...], device: Device, channels: int) -> Step:
+def step_of(
+    typed: TypedGraph,
+    device: Device,
+    channels: int,
+    on_block: frozenset[int],
+    shared: Sharing = NONE_SHARED,
+) -> Step:
     """A step with its context in registers for one track, in a memory for several."""
-    memory = channels > 1
-    tails = [0] * len(graph.operations)
+    graph, memory = typed.graph, channels > 1
+    library = operators(typed, device, on_block, shared)
+    tails = list(delivery(graph, device, shared))
     if memory:
         read, write = (picoseconds(device.delay_ns(kind, 1)) for kind in ("context_read", "context_write"))
         for _, root in graph.states:
-            tails[root] = write
-        operators = tuple(
+            tails[root] = max(tails[root], write)
+        library = tuple(
             Operator(kind=operator.kind, pieces=(read,))
             if isinstance(operation, State | StateFlag)
             else operator
-            for operation, operator in zip(graph.operations, operators, strict=True)
+            for operation, operator in zip(graph.operations, library, strict=True)
         )
+    for who in shared.operations.values():
+        # One operator has one length, whatever follows some of its results.
+        longest = max(tails[index] for index in who)
+        for index in who:
+            tails[index] = longest
     return Step(
         graph=graph,
-        operators=operators,
+        operators=library,
         operands=tuple(map(operands, graph.operations)),
         tails=tuple(tails),
         register=picoseconds(device.delay_ns("register", 1)),
@@ -89,11 +104,18 @@ def step_of(graph: Graph, operators: tuple[Operator, ...], device: Device, chann
     )
 
 
+def delivery(graph: Graph, device: Device, shared: Sharing) -> tuple[int, ...]:
+    """What follows each value in its cycle, in picoseconds, where a shared operator reads it later."""
+    kinds = shared.kind()
+    way = picoseconds(device.delay_ns("select", 1) + device.delay_ns("context_write", 1)) if kinds else 0
+    return tuple(way * any(user in kinds for user in users) for users in graph.users)
+
+
 def pace(step: Step, period: int) -> Pace:
     """The step at a period of at least ``step.shortest_period`` picoseconds."""
     budget = period - step.register
     held = tuple(
-        next(k for k in range(operator.capacity + 1) if operator.fits(k, budget, tail))
+        next(k for k in range(operator.shared, operator.capacity + 1) if operator.fits(k, budget, tail))
         for operator, tail in zip(step.operators, step.tails, strict=True)
     )
     lasts = tuple(operator.stages(k)[-1] for operator, k in zip(step.operators, held, strict=True))
@@ -126,3 +148,14 @@ def place(ready: int, registers: int, last: int, tail: int, budget: int) -> tupl
     if offset and (registers or offset + last + tail > budget):
         cycle, offset = cycle + 1, 0
     return cycle, ((cycle + registers) << CYCLE_BITS) + (last if registers else offset + last)
+
+
+def tight(at: Pace, times: Sequence[int]) -> Pace:
+    """The same schedule at the period that its longest stage needs."""
+    inner = (
+        max(operator.stages(count))
+        for operator, count in zip(at.step.operators, at.registers, strict=True)
+        if count
+    )
+    last = ((time & OFFSET_MASK) + tail for time, tail in zip(times, at.step.tails, strict=True))
+    return pace(at.step, at.step.register + max(chain(inner, last), default=0))

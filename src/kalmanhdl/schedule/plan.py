@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.sharing import Sharing, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,6 +20,10 @@ class Plan:
     further cycles before a stored value can be read (0: the context is a register, 1: a memory).
     The next step of the same track may be issued ``distance`` cycles later, no sooner: for every state
     ``start + distance >= end of root + 1 + context_overhead``.
+
+    ``units`` are operators on which several operations take turns, no two in cycles that are equal modulo
+    ``interval``; a shared operator takes its operands into registers of its own, the first of
+    ``registers``. Every other operation has an operator of its own.
     """
 
     typed: TypedGraph
@@ -35,6 +40,16 @@ class Plan:
     # The estimated longest stage, and the stage of the deeply pipelined operators, in nanoseconds.
     period_ns: float
     pipelined_period_ns: float
+    units: tuple[Unit, ...] = ()
+
+    @property
+    def sharing(self) -> Sharing:
+        """Which operations take turns, and on how many operators of each kind."""
+        counts, found = dict[str, int](), dict[str, tuple[int, ...]]()
+        for unit in self.units:
+            counts[unit.kind] = counts.get(unit.kind, 0) + 1
+            found[unit.kind] = (*found.get(unit.kind, ()), *unit.operations)
+        return Sharing(counts=counts, operations={kind: tuple(sorted(who)) for kind, who in found.items()})
 
     def end(self, index: int) -> int:
         """The cycle in which the value of an operation is there."""

@@ -65,7 +65,7 @@ class Summary:
 def summarise(plan: Plan, device: Device) -> Summary:
     """The numbers of a plan for a device."""
     rows = tuple(_rows(plan))
-    library = operators(plan.typed, device, plan.on_multiplier_block)
+    library = operators(plan.typed, device, plan.on_multiplier_block, plan.sharing)
     bits = widths(plan.typed)
     ends = [plan.end(index) for index in range(len(plan.start))]
     busy = [Counter(row.kind for row in rows if row.start == cycle) for cycle in range(plan.latency)]
@@ -118,8 +118,7 @@ def _sorted(counts: Counter[str]) -> dict[str, int]:
 
 
 def _critical_loop(plan: Plan, device: Device) -> tuple[str, ...]:
-    library = operators(plan.typed, device, plan.on_multiplier_block)
-    step = step_of(plan.typed.graph, library, device, plan.channels)
+    step = step_of(plan.typed, device, plan.channels, plan.on_multiplier_block, plan.sharing)
     period = picoseconds(plan.period_ns)
     if plan.shallower:
         return recurrence(pace(step, period - 1)).loop(plan.distance)

@@ -4,18 +4,23 @@
     ...
     operations
       3 1 * %7 = multiply %3 %5 : fixed(24, fraction=12) [-32768, 32767]  # update: K[1,0]
+    ...
+    units
+      multiply %7 %12 %30
 
-The star marks an operation on multiplier blocks.
+The star marks an operation on multiplier blocks. Units are operators on which several operations take turns.
 """
 
 import re
 from collections import Counter
 
 from kalmanhdl.errors import DesignError
+from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.graph.operations import Constant
 from kalmanhdl.graph.text import misread
 from kalmanhdl.numerics.text import parse_typed_graph, print_typed_graph
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.sharing import Unit
 
 _WHOLE = ("interval", "channels", "distance", "context_overhead", "recurrence_bound")
 _REAL = ("period_ns", "pipelined_period_ns")
@@ -30,12 +35,14 @@ def print_plan(plan: Plan) -> str:
         f"{plan.start[k]:5d} {plan.registers[k]:2d} {'*' if k in plan.on_multiplier_block else ' '} {line}"
         for k, line in enumerate(lines[:count])
     ]
-    return "\n".join((*header, heading, *placed, *lines[count:]))
+    units = [f"  {unit.kind} {' '.join(f'%{index}' for index in unit.operations)}" for unit in plan.units]
+    return "\n".join((*header, heading, *placed, *lines[count:], *(["units", *units] if units else [])))
 
 
 def parse_plan(text: str) -> Plan:
     """The plan that ``print_plan`` wrote. Raises DesignError with the line that is not understood."""
     head, heading, tail = text.partition("\noperations\n")
+    tail, _, shared = tail.partition("\nunits\n")
     if not heading:
         raise DesignError("the text has no section 'operations': a plan lists them under that heading")
     numbers = _parse_header(head)
@@ -68,7 +75,19 @@ def parse_plan(text: str) -> Plan:
         recurrence_bound=int(numbers["recurrence_bound"]),
         period_ns=numbers["period_ns"],
         pipelined_period_ns=numbers["pipelined_period_ns"],
+        units=_parse_units(shared, text.count("\n") - shared.count("\n") + 1, len(starts)),
     )
+
+
+def _parse_units(text: str, first: int, count: int) -> tuple[Unit, ...]:
+    found = []
+    for number, line in enumerate(text.split("\n") if text else [], start=first):
+        kind, *names = line.split()
+        indices = [int(name[1:]) for name in names if re.fullmatch(r"%\d+", name)]
+        if kind not in KINDS or not indices or len(indices) < len(names) or max(indices) >= count:
+            raise misread(number, line, "a kind and the operations that share it, 'multiply %3 %5'")
+        found.append(Unit(kind=kind, operations=tuple(indices)))
+    return tuple(found)
 
 
 def _parse_header(text: str) -> dict[str, float]:

@@ -1,0 +1,134 @@
+"""The operands of shared operators: chosen by phase among registers, constants and small memories."""
+
+from amaranth.hdl import Cat, Module, Signal, Value
+from amaranth.lib.memory import Memory
+
+from kalmanhdl.graph.operations import Constant, Subtract
+from kalmanhdl.rtl.shapes import fitted
+from kalmanhdl.rtl.shared_unit import SharedUnit
+from kalmanhdl.rtl.timeline import Phases
+from kalmanhdl.rtl.values import Values
+from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.storage import File, Port, Read
+
+
+def take_turns(m: Module, phases: Phases, values: Values, unit: SharedUnit, name: str) -> None:
+    """Bring the operands of every turn to the ports of a shared operator."""
+    plan = values.plan
+    for number, port in enumerate(unit.choices):
+        chosen = _Chosen(m, phases, values, f"{name}_operand_{number}", getattr(unit, f"operand_{number}"))
+        chosen.connect(port)
+    if "subtract" in unit.signature.members:
+        words = [0] * plan.interval
+        for index in unit.unit.operations:
+            operation = plan.typed.graph.operations[index]
+            words[plan.start[index] % plan.interval] = int(isinstance(operation, Subtract))
+        m.d.comb += unit.subtract.eq(phases.table(f"{name}_subtract", words, 1))
+
+
+class _Chosen:
+    """One operand port of a shared operator, and everything in front of it."""
+
+    def __init__(self, m: Module, phases: Phases, values: Values, name: str, operand: Signal) -> None:
+        self._m, self._phases, self._values, self._name = m, phases, values, name
+        self._operand = operand
+        self._plan: Plan = values.plan
+
+    def connect(self, port: Port) -> None:
+        """Drive the port with the operand of the phase."""
+        sources: list[Value] = []
+        place: dict[object, int] = {}
+        words = [0] * self._plan.interval
+
+        def choose(read: Read, key: object, source: Value) -> None:
+            if key not in place:
+                place[key] = len(sources)
+                sources.append(source)
+            words[read.cycle % self._plan.interval] = place[key]
+
+        files = [self._file(number, file, port) for number, file in enumerate(port.files)]
+        constants = self._constants(port)
+        for read in port.reads:
+            if isinstance(self._plan.typed.graph.operations[read.value], Constant):
+                choose(read, "constant", constants)
+            elif read.file is not None:
+                choose(read, read.file, files[read.file])
+            else:
+                register = self._values.at(read.value, read.cycle)
+                choose(read, (id(register), read.shift), self._fitted(register.shift_left(read.shift)))
+        select = self._phases.table(f"{self._name}_select", words, (len(sources) - 1).bit_length())
+        self._m.d.comb += self._operand.eq(self._selected(select, sources))
+
+    def _fitted(self, value: Value) -> Value:
+        shape = self._operand.shape()
+        return fitted(value, shape.width, shape.signed)
+
+    def _constants(self, port: Port) -> Value:
+        """The constant of the phase, from the control store."""
+        words, width = [0] * self._plan.interval, self._operand.shape().width
+        for read in port.reads:
+            operation, form = (
+                self._plan.typed.graph.operations[read.value],
+                self._plan.typed.formats[read.value],
+            )
+            if isinstance(operation, Constant):
+                assert form is not None
+                raw = int(operation.value / form.resolution) << read.shift
+                words[read.cycle % self._plan.interval] = raw & ((1 << width) - 1)
+        return self._phases.table(f"{self._name}_constant", words, width)
+
+    def _selected(self, select: Value, sources: list[Value]) -> Value:
+        if len(sources) == 1:
+            return sources[0]
+        chosen = Signal.like(self._operand, name=f"{self._name}_chosen")
+        with self._m.Switch(select):
+            for number, source in enumerate(sources[:-1]):
+                with self._m.Case(number):
+                    self._m.d.comb += chosen.eq(source)
+            with self._m.Default():
+                self._m.d.comb += chosen.eq(sources[-1])
+        return chosen
+
+    def _file(self, number: int, file: File, port: Port) -> Value:
+        """A memory that keeps values until their turn; its value of the phase."""
+        interval, name = self._plan.interval, f"{self._name}_file_{number}"
+        sources: list[Value] = []
+        place: dict[object, int] = {}
+        enable, source, write, written = ([0] * interval for _ in range(4))
+        for entry in file.entries:
+            phase = entry.written % interval
+            key = self._values.wires.of(entry.value), entry.shift
+            if key not in place:
+                place[key] = len(sources)
+                sources.append(self._fitted(self._values.result(entry.value).shift_left(entry.shift)))
+            enable[phase], source[phase], write[phase] = 1, place[key], entry.slot
+            written[phase] = entry.written // interval % file.turns
+        read, since = [0] * interval, [0] * interval
+        slot = {(entry.value, entry.shift): entry.slot for entry in file.entries}
+        for each in port.reads:
+            if each.file == number:
+                phase = each.cycle % interval
+                read[phase], since[phase] = slot[each.value, each.shift], each.cycle // interval % file.turns
+        memory = Memory(shape=self._operand.shape().width, depth=file.slots * file.turns, init=[])
+        self._m.submodules[name] = memory
+        into, out = memory.write_port(), memory.read_port(domain="comb")
+        table, bits = self._phases.table, (len(sources) - 1).bit_length()
+        chosen = self._selected(table(f"{name}_source", source, bits), sources)
+        self._m.d.comb += [
+            into.en.eq(table(f"{name}_enable", enable, 1)),
+            into.data.eq(chosen),
+            into.addr.eq(self._address(file, f"{name}_write", write, written)),
+            out.addr.eq(self._address(file, f"{name}_read", read, since)),
+        ]
+        value = Signal.like(self._operand, name=f"{name}_value")
+        self._m.d.comb += value.eq(out.data)
+        return value
+
+    def _address(self, file: File, name: str, slots: list[int], turns: list[int]) -> Value:
+        """The slot of the phase, in the place of the step that began so many intervals ago."""
+        slot = self._phases.table(f"{name}_slot", slots, (file.slots - 1).bit_length())
+        if file.turns == 1:
+            return slot
+        bits = (file.turns - 1).bit_length()
+        ago = self._phases.table(f"{name}_ago", turns, bits)
+        return Cat((self._phases.turn[:bits] - ago)[:bits], slot)

@@ -1,0 +1,67 @@
+"""Which operator of its kind each operation takes: the one that has its operands, or their wires, already."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from kalmanhdl.graph.operations import Constant
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.results import Wire, Wires
+from kalmanhdl.schedule.sharing import Sharing, Unit, order
+
+
+@dataclass(slots=True)
+class _Bound:
+    """An operator on the way: its operations, the phases that they take, what each port can choose among."""
+
+    kind: str
+    operations: list[int] = field(default_factory=list)
+    phases: set[int] = field(default_factory=set)
+    ports: tuple[set[Wire | None], ...] = ()
+
+    def growth(self, reads: Sequence[Wire | None]) -> int:
+        """How many more choices its ports would have."""
+        return sum(wire not in port for wire, port in zip(reads, self.ports, strict=True))
+
+
+def bound(
+    typed: TypedGraph, starts: Sequence[int], ends: Sequence[int], interval: int, sharing: Sharing
+) -> tuple[Unit, ...]:
+    """The operators with their operations.
+
+    Operations are taken in the order of their cycles; each goes where it adds the fewest choices, of these
+    to the operator that has fewest. No operator stays without one.
+    """
+    kinds, units = sharing.kind(), list[_Bound]()
+    places: dict[str, range] = {}
+    for kind, count in sharing.counts.items():
+        places[kind] = range(len(units), len(units) + count)
+        units += (_Bound(kind) for _ in range(count))
+    left = {kind: len(who) for kind, who in sharing.operations.items()}
+    chosen: dict[int, int] = {}
+    wires = Wires(typed, starts, ends, chosen)
+    for index in sorted(kinds, key=lambda k: (starts[k], k)):
+        reads = [
+            None if isinstance(typed.graph.operations[k], Constant) else wires.of(k)
+            for k in order(typed, index)
+        ]
+        phase = starts[index] % interval
+        kind = kinds[index]
+        free = [k for k in places[kind] if phase not in units[k].phases]
+        empty = [k for k in free if not units[k].operations]
+        best = min(empty if left[kind] == len(empty) else free, key=lambda k: _cost(units[k], reads, k))
+        left[kind] -= 1
+        unit = units[best]
+        unit.ports = unit.ports or tuple(set() for _ in reads)
+        unit.operations.append(index)
+        unit.phases.add(phase)
+        for wire, port in zip(reads, unit.ports, strict=True):
+            port.add(wire)
+        chosen[index] = best
+    return tuple(Unit(kind=unit.kind, operations=tuple(unit.operations)) for unit in units)
+
+
+def _cost(unit: _Bound, reads: Sequence[Wire | None], number: int) -> tuple[int, int, int]:
+    if not unit.ports:
+        # An operator without operations costs a choice at each port, as a new one at a busy one would.
+        return len(reads), 0, number
+    return unit.growth(reads), sum(map(len, unit.ports)), number

@@ -1,0 +1,184 @@
+"""Which operations take turns on one operator, and what such an operator is like.
+
+A shared operator works on raw integers. Operands come to it shifted left, which costs nothing, so that one
+operator serves operations of different formats: sums are aligned, and divisions are brought to one exponent.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import ceil
+
+from kalmanhdl.arithmetic.division import TableNewton
+from kalmanhdl.arithmetic.division_structure import Operand
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.errors import ScheduleError
+from kalmanhdl.graph.kinds import KINDS, kind_of, limit
+from kalmanhdl.graph.operations import Add, Constant, Divide, Multiply, Reciprocal, Subtract, operands
+from kalmanhdl.numerics.typed import TypedGraph
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """One operator and the operations, by index, that take turns on it."""
+
+    kind: str
+    operations: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sharing:
+    """How many operators of each kind there are, and which operations take turns on them."""
+
+    counts: dict[str, int]
+    operations: dict[str, tuple[int, ...]]
+
+    def kind(self) -> dict[int, str]:
+        """The kind of the shared operator of each operation that has one."""
+        return {index: kind for kind, found in self.operations.items() for index in found}
+
+    @property
+    def bound(self) -> int:
+        """The least interval in which every operation finds its turn."""
+        return max((ceil(len(self.operations[k]) / n) for k, n in self.counts.items()), default=1)
+
+
+NONE_SHARED = Sharing(counts={}, operations={})
+"""Every operation has an operator of its own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """An operator apart from its operations: the raw integers at its ports, those of its result."""
+
+    kind: str
+    operands: tuple[Operand, ...]
+    form: Fixed
+
+
+def sharing(typed: TypedGraph, units: Mapping[str, int], own: Iterable[int] = ()) -> Sharing:
+    """Who shares what when there are at most so many operators of a kind.
+
+    Where there are no more operations than operators each has its own. Operations in ``own`` never share.
+    Raises ScheduleError for a kind that is not known, and for operations that cannot share one operator.
+    """
+    for kind in units:
+        if kind not in KINDS:
+            raise ScheduleError(f"architecture.units.{kind} is unknown: kinds are {', '.join(KINDS)}")
+    apart = frozenset(own)
+    found: dict[str, list[int]] = {}
+    for index, operation in enumerate(typed.graph.operations):
+        word = kind_of(operation, units)
+        if word is not None and index not in apart:
+            found.setdefault(word, []).append(index)
+    counts = {kind: limit(kind, units) or 0 for kind in found}
+    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind]}
+    for kind, who in shared.items():
+        if counts[kind] < 1:
+            raise ScheduleError(f"architecture.units.{kind} is {counts[kind]}: use 1 or more")
+        _check_alike(typed, kind, who)
+    return Sharing(counts={kind: counts[kind] for kind in shared}, operations=shared)
+
+
+def _check_alike(typed: TypedGraph, kind: str, who: tuple[int, ...]) -> None:
+    """Reciprocals by Newton's steps share an operator when their results have equally many digits."""
+    method = typed.division
+    if kind != "reciprocal" or not isinstance(method, TableNewton):
+        return
+    digits = {method.fractions(_form(typed, index)) for index in who}
+    if len(digits) > 1:
+        raise ScheduleError(
+            f"architecture.units.{kind}: {len(who)} reciprocals of {len(digits)} precisions cannot share: "
+            f"give their results one width, or allow {len(who)}"
+        )
+
+
+def core(typed: TypedGraph, kind: str, who: tuple[int, ...]) -> Core:
+    """The operator on which all these operations can take turns."""
+    reads = [_operands_at_port(typed, index, who) for index in who]
+    ports = tuple(_union(port) for port in zip(*reads, strict=True))
+    return Core(kind=kind, operands=ports, form=_result(typed, kind, who, ports))
+
+
+def shifts(typed: TypedGraph, index: int, who: tuple[int, ...]) -> tuple[int, ...]:
+    """By how many bits each operand is shifted left at the ports of the operator shared by ``who``."""
+    operation = typed.graph.operations[index]
+    match operation:
+        case Add(a, b) | Subtract(a, b):
+            fraction = _form(typed, index).fraction
+            return fraction - _form(typed, a).fraction, fraction - _form(typed, b).fraction
+        case Divide():
+            return 0, exponent(typed, who) - _exponent(typed, index)
+        case Reciprocal():
+            return (exponent(typed, who) - _exponent(typed, index),)
+        case _:
+            return (0,) * len(operands(operation))
+
+
+def exponent(typed: TypedGraph, who: tuple[int, ...]) -> int:
+    """The exponent of a shared division: its raw result is 2**exponent times the quotient of its raws."""
+    return max(_exponent(typed, index) for index in who)
+
+
+def order(typed: TypedGraph, index: int) -> tuple[int, ...]:
+    """The operands of an operation in the order of the ports: a product's narrower one, or constant, last."""
+    operation = typed.graph.operations[index]
+    reads = operands(operation)
+    if isinstance(operation, Multiply):
+        return tuple(sorted(reads, key=lambda k: (_is_constant(typed, k), -_form(typed, k).width)))
+    return reads
+
+
+def _exponent(typed: TypedGraph, index: int) -> int:
+    operation, fraction = typed.graph.operations[index], _form(typed, index).fraction
+    match operation:
+        case Divide(a, b):
+            return fraction + _form(typed, b).fraction - _form(typed, a).fraction
+        case Reciprocal(a):
+            return fraction + _form(typed, a).fraction
+        case _:
+            raise AssertionError(operation)
+
+
+def _operands_at_port(typed: TypedGraph, index: int, who: tuple[int, ...]) -> list[Operand]:
+    found = []
+    for k, shift in zip(order(typed, index), shifts(typed, index, who), strict=True):
+        interval, form = typed.intervals[k], _form(typed, k)
+        assert interval is not None
+        moved = Fixed(width=form.width + shift, fraction=0, signed=form.signed)
+        found.append(Operand(form=moved, low=interval.low << shift, high=interval.high << shift))
+    return found
+
+
+def _union(port: Iterable[Operand]) -> Operand:
+    every = tuple(port)
+    signed = any(one.form.signed for one in every)
+    width = max(one.form.width + (signed and not one.form.signed) for one in every)
+    return Operand(
+        form=Fixed(width=width, fraction=0, signed=signed),
+        low=min(one.low for one in every),
+        high=max(one.high for one in every),
+    )
+
+
+def _result(typed: TypedGraph, kind: str, who: tuple[int, ...], ports: tuple[Operand, ...]) -> Fixed:
+    match kind:
+        case "multiply":
+            signed = any(port.form.signed for port in ports)
+            return Fixed(width=sum(port.form.width for port in ports), fraction=0, signed=signed)
+        case "add" | "subtract":
+            return Fixed(width=max(p.form.width + (not p.form.signed) for p in ports) + 1, fraction=0)
+        case _:
+            forms = [_form(typed, index) for index in who]
+            signed = any(form.signed for form in forms)
+            width = max(form.width + (signed and not form.signed) for form in forms)
+            return Fixed(width=width, fraction=exponent(typed, who), signed=signed)
+
+
+def _is_constant(typed: TypedGraph, index: int) -> bool:
+    return isinstance(typed.graph.operations[index], Constant)
+
+
+def _form(typed: TypedGraph, index: int) -> Fixed:
+    form = typed.formats[index]
+    assert form is not None
+    return form
