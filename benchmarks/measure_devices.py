@@ -202,7 +202,10 @@ def write(name: str, grades: dict[int, dict[str, list[tuple[float, float]]]]) ->
         lines += ["", f"[grade.{grade}]", f"pipelined_period_ns = {period:.2f}", f"[grade.{grade}.delays]"]
         for kind, table in delays(found).items():
             lines.append(f"{kind} = {json.dumps(table)}")
-    (TARGET / f"{name}.toml").write_text("\n".join(lines) + "\n")
+    path = TARGET / f"{name}.toml"
+    # What benchmarks/measure_areas.py found stays.
+    _, mark, areas = path.read_text().partition("\n# Written by benchmarks/measure_areas.py")
+    path.write_text("\n".join(lines) + "\n" + mark + areas)
 
 
 def report_chains(grades: dict[int, dict[str, list[tuple[float, float]]]]) -> None:

@@ -250,6 +250,7 @@ def test_converted_measurements_that_cannot_be_are_refused(old, new, message):
         ('scale = ["2^-3"]', FixedSpecification(scale=(0.125,))),
         ("covariance_scale = 100", FixedSpecification(covariance_scale=100.0)),
         ('signals = { "P[0,0]" = 30 }', FixedSpecification(signals={"P[0,0]": 30})),
+        ("headroom = { reciprocal = 2 }", FixedSpecification(headroom={"reciprocal": 2})),
     ],
 )
 def test_formats_are_spelt(line, spec):
@@ -342,6 +343,7 @@ def designs(draw):
         width=draw(st.integers(1, 1024)),
         classes=draw(st.dictionaries(st.sampled_from(SIGNAL_CLASSES), forms)),
         signals=draw(st.dictionaries(st.sampled_from(["x[0]", "P[0,0]", "K[0,0]"]), forms)),
+        headroom=draw(st.dictionaries(st.sampled_from(["gain", "P[0,0]"]), st.integers(0, 64))),
         rounding=draw(st.sampled_from(Rounding)),
         overflow=draw(st.sampled_from(Overflow)),
         scale=draw(st.just("auto") | one_each),

@@ -238,11 +238,24 @@ def formats(
     design: _Design,
     data: _Data = None,
     tolerance: Annotated[
-        float, typer.Option(min=1e-6, max=10.0, help="By how much of itself the error may grow.")
-    ] = 0.01,
+        float | None,
+        typer.Option(
+            min=1e-6,
+            max=10.0,
+            help="By how much of itself the error may grow.  [default: 0.01, or anything with --consistency]",
+        ),
+    ] = None,
+    consistency: Annotated[
+        bool, typer.Option("--consistency", help="NEES and NIS are to stay in their bands of 95 %.")
+    ] = False,
     objective: Annotated[
         str, typer.Option(help="What is to be small: bits, or area (an estimate).")
     ] = "bits",
+    steps: Annotated[
+        int | None,
+        typer.Option(min=2, max=100_000, help="Of a track.  [default: 200, or 64 without declared ranges]"),
+    ] = None,
+    tracks: Annotated[int, typer.Option(min=4, max=10_000, help="Tracks drawn from the model.")] = 64,
     seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the tracks.")] = 1,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="The design file to write.")] = None,
     picture: _Picture = None,
@@ -251,7 +264,8 @@ def formats(
 ) -> None:
     """Choose a number format for every signal: the fewest bits, or the least area, within a tolerance."""
     from kalmanhdl.design_file.writer import dumps
-    from kalmanhdl.explore.search import Objective, search
+    from kalmanhdl.explore.evaluator import Objective
+    from kalmanhdl.explore.search import search
     from kalmanhdl.output import new_file
     from kalmanhdl.tables import formats_table
 
@@ -261,12 +275,17 @@ def formats(
     _check_new(out, force=force)
     chosen = _load(design, constant)
     plots = _read(data, chosen)
+    if tolerance is None and not consistency:
+        tolerance = 0.01
     with Progress() as progress:
         found = search(
             chosen,
             tolerance=tolerance,
+            consistency=consistency,
             objective=Objective(objective),
             data=plots,
+            steps=steps,
+            tracks=tracks,
             seed=seed,
             progress=progress,
         )

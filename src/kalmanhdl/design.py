@@ -11,6 +11,7 @@ from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.model.model import Model
+from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.target import device as known_device
@@ -271,6 +272,9 @@ def _check_signals(numerics: FixedSpecification, model: Model) -> None:
         index, shape = tuple(map(int, inner.split(","))), shapes.get(letter)
         if shape is None:
             continue
+        if isinstance(model, MultipleModel) and len(index) == len(shape) + 1:
+            # That of a mode, which comes first.
+            index = index[1:]
         if len(index) != len(shape) or any(i >= size for i, size in zip(index, shape, strict=True)):
             size = " x ".join(map(str, shape))
             problem = f" is no element of {letter}: {letter} is {size}, and indices begin at 0"

@@ -8,7 +8,9 @@ from fractions import Fraction
 from json import dumps
 from typing import Any
 
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
+from kalmanhdl.explore.evaluator import Objective, Point
 from kalmanhdl.explore.monte_carlo import MonteCarlo
 from kalmanhdl.explore.search import Found
 from kalmanhdl.explore.sweep import Row, as_records
@@ -31,6 +33,7 @@ from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.verify.compare import Verification
 
 _BAR_COLUMNS = 64
+_FRONT_ROWS = 12
 
 
 def build_table(record: Record) -> str:
@@ -246,25 +249,67 @@ def _chart(summary: Summary) -> str:
     return _aligned(rows)
 
 
-def formats_table(found: Found, tolerance: float) -> str:
-    """The chosen formats, a line a signal, and what they cost and give."""
-    rows: list[Sequence[str]] = [("signal", "width", "format")]
+def formats_table(found: Found, tolerance: float | None) -> str:
+    """The chosen formats, a line a signal, what they cost and give, and what others would."""
+    rows: list[Sequence[str]] = [("signal", "width", "format", "headroom")]
     for variable, width in zip(found.variables, found.widths.tolist(), strict=True):
-        form = f"{variable.form(width)}" if variable.signal else f"{variable.count} of this class"
-        rows.append((variable.name, str(width), form))
-    saved = 1 - found.point.bits / found.uniform_point.bits
+        forms = variable.forms(found.program, width)
+        form = f"{forms[0]}" if len(forms) == 1 else _fractions(forms) or "by its divisor"
+        many = "" if variable.count == 1 else f", {variable.count} of them"
+        headroom = f"+{variable.headroom}" if variable.headroom else ""
+        rows.append((variable.name, str(width), form + many, headroom))
+    return "\n\n".join((_aligned(rows), _aligned(_choice(found, tolerance)), _aligned(_front(found))))
+
+
+def _fractions(forms: Sequence[Fixed]) -> str:
+    """The formats of a signal whose values at several places are of different size."""
+    fractions = sorted({form.fraction for form in forms})
+    return f"fraction {fractions[0]} to {fractions[-1]}, by place" if fractions else ""
+
+
+def _choice(found: Found, tolerance: float | None) -> list[Sequence[str]]:
     chosen, uniform = found.point, found.uniform_point
-    figures: list[Sequence[str]] = [
+    saved = 1 - chosen.bits / uniform.bits
+    rows: list[Sequence[str]] = [
         ("total", f"{chosen.bits} bits, {saved:.0%} less than uniform words"),
-        ("uniform", f"{found.uniform} bits a word, {uniform.bits} bits, error {uniform.error:+.2%}"),
-        ("error", f"{chosen.error:+.2%} on the tracks of the search, {found.unseen:+.2%} on others"),
+        ("uniform", f"{found.uniform} bits a word, {uniform.bits} bits, {_use(uniform)}"),
     ]
+    if found.objective is Objective.AREA:
+        rows.append(("area", f"{chosen.cost:.0f} LUTs, uniform {uniform.cost:.0f}: an estimate"))
+    if found.unseen is not None:
+        seen = f"{chosen.error:+.2%} on the tracks of the search"
+        rows.append(("error", f"{seen}, {found.unseen:+.2%} on others"))
     if found.unseen_data is not None:
-        figures.append(("", f"{found.unseen_data:+.2%} on data not seen"))
-    if chosen.cost != chosen.bits:
-        figures.append(("area", f"{chosen.cost:.0f} LUTs, uniform {uniform.cost:.0f}: an estimate"))
-    figures.append(("tolerance", f"{tolerance:+.2%}, 0 saturations, {found.candidates} candidates"))
-    return f"{_aligned(rows)}\n\n{_aligned(figures)}"
+        rows.append(("", f"{found.unseen_data:+.2%} on data not seen"))
+    if tolerance is not None:
+        rows.append(("tolerance", f"{tolerance:+.2%}"))
+    if found.bands is not None:
+        reference, exact = found.bands
+        for name, a, b in (("NEES", reference.nees, exact.nees), ("NIS", reference.nis, exact.nis)):
+            band = f"within {b.low:.4f} to {b.high:.4f}"
+            rows.append((name, f"{b.mean:.4f} {band} on tracks not seen, float {a.mean:.4f}"))
+    return [*rows, ("search", f"{found.candidates} candidates, 0 saturations on tracks not seen")]
+
+
+def _front(found: Found) -> list[Sequence[str]]:
+    """The best choices that were met, by cost."""
+    area = found.objective is Objective.AREA
+    rows: list[Sequence[str]] = [("LUTs" if area else "bits", "best found on the tracks of the search", "")]
+    shown = found.front
+    if len(shown) > _FRONT_ROWS:
+        picked = {round(k * (len(shown) - 1) / (_FRONT_ROWS - 1)) for k in range(_FRONT_ROWS)}
+        shown = tuple(p for k, p in enumerate(shown) if k in picked or p == found.point)
+    for point in shown:
+        rows.append((f"{point.cost:.0f}", _use(point), "chosen" if point == found.point else ""))
+    return rows
+
+
+def _use(point: Point) -> str:
+    """How much of what is allowed a choice uses."""
+    parts = [f"error {point.error:+.3%}"] if point.error == point.error else []
+    if point.shift == point.shift:
+        parts.append(f"NEES and NIS moved by {point.shift:.2f} of half a band")
+    return ", ".join(parts)
 
 
 def sweep_table(rows: Sequence[Row]) -> str:

@@ -82,6 +82,16 @@ def test_random_designs_give_what_the_exact_engine_gives(seed):
         assert np.mean(run.outputs == exact) > 0.5
 
 
+def test_headroom_moves_binary_points_as_in_the_exact_engine():
+    reals, program = prepared(LEE)
+    headroom = {"P[0,1]": 3, "gain": 2, "reciprocal": 1}
+    specification = replace(LEE.numerics, headroom=headroom)
+    run, exact, _, _ = run_both(reals, program, specification, 5)
+    np.testing.assert_array_equal(run.outputs, exact)
+    plain, _, _, _ = run_both(reals, program, LEE.numerics, 5)
+    assert not np.array_equal(run.outputs, plain.outputs)
+
+
 def test_a_format_of_a_signal_is_kept():
     reals, program = prepared(LEE)
     signals = {"P[0,1]": 11, "K[1,0]": 9, "x[0]": 14}

@@ -17,6 +17,12 @@ def test_a_signals_own_format_goes_before_its_class_and_the_width():
     assert spec.form("state", "x[0]") == 20
 
 
+def test_a_signals_own_headroom_goes_before_its_class():
+    spec = FixedSpecification(headroom={"covariance": 2, "P[0,1]": 5})
+    assert [spec.room("covariance", name) for name in ("P[0,1]", "P[0,0]")] == [5, 2]
+    assert spec.room("state", "x[0]") == 0
+
+
 def test_widths_not_given_are_the_default_but_for_constants_and_nis():
     spec = FixedSpecification(width=20)
     assert [spec.form(name) for name in ("state", "gain", "constant", "nis")] == [20, 20, 18, 16]
@@ -49,6 +55,8 @@ def test_q_notation_counts_the_sign_among_the_integer_bits(text, form):
         ({"classes": {"gain": Fixed(width=8, fraction=5000)}}, "a fraction is an integer from -4096 to 4096"),
         ({"signals": {"P": 8}}, "[numerics.signals] 'P' is no signal"),
         ({"signals": {"P[0,0]": True}}, "[numerics.signals] P[0,0] = True: a width is an integer"),
+        ({"headroom": {"P": 1}}, "[numerics.headroom] 'P' is neither a signal"),
+        ({"headroom": {"gain": -1}}, "[numerics.headroom] gain = -1: an integer from 0 to 64"),
         ({"scale": (1.0, 0.0)}, "[numerics] scale = 0: a scale is a positive number"),
         ({"covariance_scale": float("inf")}, "[numerics] covariance_scale = inf"),
         ({"division": LongDivision(radix=8)}, "[numerics] division radix 8: radix 2 or 4"),

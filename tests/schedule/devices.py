@@ -20,6 +20,7 @@ def _device(name: str, period: float, delays: dict[str, tuple[tuple[int, float],
         multiplier_width=18,
         pipelined_period_ns=period,
         delays=delays,
+        areas={},
         measured_with="made by hand",
     )
 

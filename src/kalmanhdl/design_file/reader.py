@@ -354,6 +354,7 @@ def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification | F
         division=checked.division,
         functions=checked.functions,
         coast=checked.coast,
+        headroom=checked.headroom,
     )
 
 

@@ -256,6 +256,7 @@ class FixedTable(Table):
     functions: Functions = None
     coast: Integer = 5
     signals: Forms = Field(default_factory=dict)
+    headroom: dict[str, Integer] = Field(default_factory=dict)
 
     def classes(self, names: tuple[str, ...]) -> dict[str, Form]:
         """The formats of the signal classes that the file gives."""

@@ -53,6 +53,7 @@ def dumps(design: Design) -> str:
         _algorithm(design.algorithm),
         _numerics(design.numerics),
         _signals(design.numerics),
+        _headroom(design.numerics),
         _architecture(design.architecture),
         _target(design.target),
     ]
@@ -240,6 +241,12 @@ def _signals(numerics: FixedSpecification | FloatSpecification) -> Lines:
         return []
     lines = [f"{_text(name)} = {_form(form)}" for name, form in numerics.signals.items()]
     return ["[numerics.signals]", *lines]
+
+
+def _headroom(numerics: FixedSpecification | FloatSpecification) -> Lines:
+    if isinstance(numerics, FloatSpecification) or not numerics.headroom:
+        return []
+    return ["[numerics.headroom]", *(f"{_text(name)} = {bits}" for name, bits in numerics.headroom.items())]
 
 
 def _architecture(architecture: Architecture) -> Lines:

@@ -1,6 +1,5 @@
-"""Which formats a search may choose: a variable for each signal, and for what has only a class."""
+"""Which formats a search may choose: a width for each signal, and for what has only a class."""
 
-import re
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,68 +9,74 @@ from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.explore.program import Code, Program
-from kalmanhdl.numerics.specification import FixedSpecification, Form
+from kalmanhdl.numerics.specification import SIGNAL, FixedSpecification
 
-_NAMED = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,31}\[\d{1,4}(,\d{1,4})?\]\Z")
 _NOT_CHOSEN = ("bit", "constant", "nis")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """A width to choose. ``integer`` are the bits above the binary point, the sign included.
+    """A width to choose, of a signal or (``signal`` is False) of each of ``count`` values of a class.
 
-    Of a class (``signal`` is False) the binary point is placed for each of ``count`` values by its range.
+    Its binary points are placed for each of ``slots`` by the range there, ``headroom`` bits above it.
     """
 
     name: str
     signal: bool
     slots: tuple[int, ...]
-    integer: int
-    signed: bool
-    count: int = 1
+    count: int
+    headroom: int
 
-    def form(self, width: int) -> Form:
-        """The format of a width, as a specification has it."""
-        if not self.signal:
-            return width
-        return Fixed(width=width, fraction=width - self.integer, signed=self.signed)
+    def forms(self, program: Program, width: int) -> tuple[Fixed, ...]:
+        """The formats that its values have at a width, each once; none where a divisor decides."""
+        if self.name == "reciprocal":
+            return ()
+        found = dict.fromkeys(program.slots[k] for k in self.slots)
+        above = ((slot.integer + slot.signed + self.headroom, slot.signed) for slot in found)
+        formats = (Fixed(width=width, fraction=width - bits, signed=signed) for bits, signed in above)
+        return tuple(dict.fromkeys(formats))
 
 
-def variables_of(program: Program, extra: Mapping[str, int]) -> tuple[Variable, ...]:
+def variables_of(
+    program: Program, headroom: Mapping[str, int], *, monitors: bool = False
+) -> tuple[Variable, ...]:
     """The variables of the formats on which estimates depend, in a fixed order.
 
-    ``extra`` gives signals bits above those that the ranges ask for.
+    ``headroom`` gives bits above those that the ranges ask for, by name. With ``monitors``, what only
+    innovation and NIS depend on is chosen as well.
     """
     named, classes = defaultdict[str, list[int]](list), defaultdict[str, list[int]](list)
     for index, slot in enumerate(program.slots):
-        if index not in program.steering or slot.signal_class in _NOT_CHOSEN:
+        if not (monitors or index in program.steering) or slot.signal_class in _NOT_CHOSEN:
             continue
-        if _NAMED.match(slot.name):
+        if SIGNAL.match(slot.name):
             named[slot.name].append(index)
         else:
             classes[slot.signal_class].append(index)
-    found = []
-    for name, slots in sorted(named.items()):
-        signed = any(program.slots[k].signed for k in slots)
-        integer = max(program.slots[k].integer for k in slots) + signed + extra.get(name, 0)
-        found.append(Variable(name=name, signal=True, slots=tuple(slots), integer=integer, signed=signed))
     reciprocals = sum(step.code is Code.RECIPROCAL for step in program.steps)
-    for name, slots in sorted(classes.items()):
-        count = reciprocals if name == "reciprocal" else len(slots)
-        found.append(
-            Variable(name=name, signal=False, slots=tuple(slots), integer=0, signed=False, count=count)
+    counts = {name: reciprocals if name == "reciprocal" else len(slots) for name, slots in classes.items()}
+    return tuple(
+        Variable(
+            name=name,
+            signal=group is named,
+            slots=tuple(slots),
+            count=1 if group is named else counts[name],
+            headroom=headroom.get(name, 0),
         )
-    return tuple(found)
+        for group in (named, classes)
+        for name, slots in sorted(group.items())
+    )
 
 
 def specification_of(
     base: FixedSpecification, variables: tuple[Variable, ...], widths: NDArray[np.int64]
 ) -> FixedSpecification:
     """The specification that gives every variable its width; what estimates do not rest on stays."""
-    chosen = [(variable, variable.form(int(w))) for variable, w in zip(variables, widths, strict=True)]
-    signals = {variable.name: form for variable, form in chosen if variable.signal}
-    classes = {variable.name: form for variable, form in chosen if not variable.signal}
-    return replace(base, signals=signals, classes=base.classes | classes)
+    chosen = list(zip(variables, widths.tolist(), strict=True))
+    signals = {variable.name: width for variable, width in chosen if variable.signal}
+    classes = {variable.name: width for variable, width in chosen if not variable.signal}
+    headroom = {variable.name: variable.headroom for variable in variables if variable.headroom}
+    return replace(base, signals=signals, classes=base.classes | classes, headroom=headroom)
 
 
 def place_forms(
@@ -82,11 +87,8 @@ def place_forms(
     for variable, width in zip(variables, widths.tolist(), strict=True):
         for k in variable.slots:
             slot = program.slots[k]
-            if variable.signal:
-                less = variable.signed and not slot.signed
-                result[k] = (max(1, width - less), width - variable.integer, slot.signed, True)
-            else:
-                result[k] = (width, width - slot.integer - slot.signed, slot.signed, False)
+            fraction = width - slot.integer - slot.signed - variable.headroom
+            result[k] = (width, fraction, slot.signed, False)
     return result
 
 

@@ -125,7 +125,8 @@ static type reciprocal_type(const program *p, const format *given, type divisor,
     int width = given->width, fraction = given->fraction;
     if (!given->whole) {
         if (divisor.low > 0) least = divisor.low;
-        fraction = width - ((int)floor(log2(1 / least)) + (divisor.low > 0 ? 1 : 2));
+        /* What is given below the width are bits of headroom. */
+        fraction -= (int)floor(log2(1 / least)) + (divisor.low > 0 ? 1 : 2);
     } else if (given->is_signed)
         width = largest(width - 1, 1);
     type form = of_format(width, fraction, 0);

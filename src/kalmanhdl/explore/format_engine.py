@@ -79,7 +79,7 @@ class _Program(ctypes.Structure):
 class FormatEngine:
     """A program with the arithmetic that all choices of formats share: rounding, overflow, division.
 
-    ``outputs`` are those that a run keeps. Runs may be made in several threads at once.
+    ``outputs`` are the outputs and new states that a run keeps. Runs may be made in several threads at once.
     """
 
     program: Program
@@ -109,7 +109,7 @@ class FormatEngine:
         program, (steps, tracks) = self.program, drive.commands.shape
         static = _static(program)
         constants = _constants(program, constant_width)
-        roots = dict(program.outputs)
+        roots = {**{name: root for name, _, root in program.states}, **dict(program.outputs)}
         kept = np.array([roots[name] for name in self.outputs], np.int32)
         division = self.division
         by_table = isinstance(division, TableNewton)

@@ -22,7 +22,7 @@ from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.simulate.metrics import Consistency, autocorrelation, consistency, mean_band, nees, rmse
 from kalmanhdl.simulate.reference import Estimates
-from kalmanhdl.simulate.side_by_side import simulate
+from kalmanhdl.simulate.side_by_side import Simulation, simulate
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -139,12 +139,24 @@ def _sampled(seed: np.random.SeedSequence, tracks: int) -> tuple[_Sample, _Sampl
         truth=drawn.truth,
     )
     simulation = simulate(model, _job.design.algorithm(model), _job.numbers, plots)
+    return *_samples(simulation), simulation.saturations
+
+
+def tested(simulation: Simulation) -> tuple[Tested, Tested]:
+    """The statistics of float reference and engine over tracks with a truth, of which no plot is missed."""
+    n, m = simulation.exact.x.shape[-1], simulation.exact.innovation.shape[-1]
+    reference, exact = _samples(simulation)
+    return _tested([reference], n, m), _tested([exact], n, m)
+
+
+def _samples(simulation: Simulation) -> tuple[_Sample, _Sample]:
+    truth = simulation.plots.truth
+    assert truth is not None
     updates = simulation.valid & (simulation.stimulus.commands == Command.UPDATE)
-    reference, exact = (
-        _sample(estimates, drawn.truth, simulation.valid, updates)
-        for estimates in (simulation.reference, simulation.exact)
+    return (
+        _sample(simulation.reference, truth, simulation.valid, updates),
+        _sample(simulation.exact, truth, simulation.valid, updates),
     )
-    return reference, exact, simulation.saturations
 
 
 def _sample(

@@ -44,7 +44,8 @@ class Slot:
         if isinstance(wanted, Fixed):
             unsigned = wanted.signed and not self.signed and self.signal_class != "reciprocal"
             return (_unsigned(wanted) if unsigned else wanted), True
-        form = Fixed(width=wanted, fraction=wanted - self.integer - self.signed, signed=self.signed)
+        above = self.integer + specification.room(self.signal_class, self.name or None) + self.signed
+        form = Fixed(width=wanted, fraction=wanted - above, signed=self.signed)
         return form, False
 
 

@@ -1,6 +1,7 @@
 """The tracks that formats are chosen and judged on: drawn from the model, and the user's own."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.simulate.commands import Command, commands, started
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.metrics import rmse
-from kalmanhdl.simulate.reference import reference
+from kalmanhdl.simulate.reference import Estimates, reference
 
 Array = NDArray[np.float64]
 
@@ -26,29 +27,40 @@ class Judged:
     """Plots, and what the float reference makes of them.
 
     ``valid`` (steps, tracks) tells where there is an estimate, ``reference`` (steps, tracks, n) which,
-    ``spread`` (n,) is its root mean square error: against the truth, or by its own covariance where the
-    plots have no truth.
+    ``octave`` (steps, tracks) how old the track is: 1, 2 to 3, 4 to 7 steps and so on. ``spread`` (n,) is
+    the reference's root mean square error, ``octave_spread`` (octaves, n) that in each octave: against the
+    truth, or by its own covariance where the plots have no truth.
     """
 
     plots: Plots
     commands: NDArray[np.int8]
     valid: NDArray[np.bool_]
+    estimates: Estimates
     reference: Array
+    octave: NDArray[np.int64]
     spread: Array
+    octave_spread: Array
 
     def excess(self, x: Array) -> Array:
         """By how much of the reference's error the error of x (steps, tracks, n) is greater. Shape (n,).
 
         The greater of two measures. Directly: the error against the truth, where there is one. And by the
         distance d to the reference: what is added to a least-squares estimate is uncorrelated with its
-        error e, so that the error becomes sqrt(e^2 + d^2), which chance does not touch.
+        error e, so that the error becomes sqrt(e^2 + d^2), which chance does not touch. The latter holds in
+        each octave of a track's age, lest the large errors of a start hide those of the settled filter.
         """
         seen = np.where(self.valid[..., None], x, np.nan)
-        apart = np.hypot(1.0, rmse(seen, self.reference) / self.spread) - 1.0
+        apart = _by_octave(np.square(seen - self.reference), self.octave, len(self.octave_spread))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = apart / self.octave_spread
+        # An error that is zero is met where nothing is added to it.
+        relative = np.where(apart == 0.0, 0.0, relative)
+        grown = np.hypot(1.0, np.nan_to_num(relative, nan=0.0, posinf=np.inf)).max(axis=0) - 1.0
+        grown = np.where(np.isnan(apart).all(axis=0), np.nan, grown)
         if self.plots.truth is None:
-            return apart
+            return np.asarray(grown)
         direct = rmse(seen, self.plots.truth) / self.spread - 1.0
-        return np.fmax(apart, direct)
+        return np.fmax(grown, direct)
 
     def worst(self, x: Array, count: int) -> Plots:
         """The tracks on which x (steps, tracks, n) comes furthest from the reference."""
@@ -63,7 +75,10 @@ def usual_steps(model: Model) -> int:
 
 
 def drawn_plots(model: Model, coast: int, steps: int, tracks: int, seed: int) -> Plots:
-    """Tracks drawn from the model, with missed plots among them; they end where they leave its ranges."""
+    """Tracks drawn from the model; they end where they leave its ranges.
+
+    Plots are missed among them, at most ``coast`` in a row, or none with a coast of 0.
+    """
     random = np.random.default_rng(seed)
     found = ranges.drawn(model, random, steps, tracks)
     there = ranges.missed_now_and_then(model, random, steps, tracks, coast)
@@ -84,11 +99,37 @@ def judged(model: Model, filter_: Filter, plots: Plots) -> Judged:
     estimates = reference(filter_, given, plots.z, plots.u)
     x = np.where(valid[..., None], estimates.x, np.nan)
     variances = np.where(valid[..., None], np.diagonal(estimates.P, axis1=2, axis2=3), np.nan)
+    octave = np.frexp(np.cumsum(valid, axis=0))[1].astype(np.int64) - 1
+    octaves = int(octave.max(initial=0)) + 1
     spread = np.sqrt(np.nanmean(variances, axis=(0, 1)))
+    octave_spread = _by_octave(variances, octave, octaves)
     if plots.truth is not None:
-        against = rmse(x, plots.truth)
+        squares = np.square(x - plots.truth)
+        against, by_octave = rmse(x, plots.truth), _by_octave(squares, octave, octaves)
         spread = np.where(np.isnan(against), spread, against)
-    return Judged(plots=plots, commands=given, valid=valid, reference=x, spread=spread)
+        octave_spread = np.where(np.isnan(by_octave), octave_spread, by_octave)
+    return Judged(
+        plots=plots,
+        commands=given,
+        valid=valid,
+        estimates=estimates,
+        reference=x,
+        octave=octave,
+        spread=spread,
+        octave_spread=octave_spread,
+    )
+
+
+def _by_octave(squares: Array, octave: NDArray[np.int64], octaves: int) -> Array:
+    """Roots of the means of squares (steps, tracks, n) by octave: (octaves, n), NaN where there is none."""
+    result = np.full((octaves, squares.shape[-1]), np.nan)
+    for i in range(squares.shape[-1]):
+        there = ~np.isnan(squares[..., i])
+        place = octave[there]
+        count = np.bincount(place, minlength=octaves)[:octaves]
+        total = np.bincount(place, squares[..., i][there], minlength=octaves)[:octaves]
+        result[count > 0, i] = np.sqrt(total[count > 0] / count[count > 0])
+    return result
 
 
 def drive_of(program: Program, scaling: Scaling, on: Judged) -> Drive:
@@ -100,25 +141,15 @@ def drive_of(program: Program, scaling: Scaling, on: Judged) -> Drive:
     flags["initialise"] = given == Command.INITIALISE
     shape = given.shape
     return Drive(
-        inputs=np.array([np.nan_to_num(inputs[name]) for name in program.inputs]).reshape(-1, *shape),
-        flags=np.array([flags[name] for name in program.flags], np.uint8).reshape(-1, *shape),
-        commands=((given != Command.NONE).astype(np.uint8) + on.valid).astype(np.uint8),
+        inputs=_rows([np.nan_to_num(inputs[name]) for name in program.inputs], np.float64, shape),
+        flags=_rows([flags[name] for name in program.flags], np.uint8, shape),
+        commands=np.ascontiguousarray((given != Command.NONE).astype(np.uint8) + on.valid, np.uint8),
     )
 
 
-def from_the_start(model: Model, plots: Plots) -> ranges.Plots:
-    """Plots as the range analysis takes them: every track begins with the rows that start it."""
-    given = commands(model, plots.z, plots.active)
-    steps, tracks = given.shape
-    z, u = np.zeros_like(plots.z), np.zeros_like(plots.u)
-    valid, relevant = np.zeros(z.shape, bool), np.zeros((steps, tracks), bool)
-    for track in range(tracks):
-        rows = np.flatnonzero(given[:, track] != Command.NONE)
-        there = slice(0, len(rows))
-        z[there, track], u[there, track] = np.nan_to_num(plots.z[rows, track]), plots.u[rows, track]
-        valid[there, track] = ~np.isnan(plots.z[rows, track])
-        relevant[there, track] = True
-    return ranges.Plots(z=z, u=u, valid=valid, relevant=relevant)
+def _rows(arrays: list[Any], kind: type, shape: tuple[int, ...]) -> NDArray[Any]:
+    """(k, steps, tracks), in C's order whatever that of the arrays is."""
+    return np.ascontiguousarray(np.array(arrays, kind, order="C").reshape(-1, *shape))
 
 
 def split(plots: Plots) -> tuple[Plots, Plots]:

@@ -52,7 +52,17 @@ _TINY = 2.0**-64
 _GUARD = 4
 # How far beyond the values that were observed a format reaches, per class.
 # Innovations of real sensors, with their outliers and biases, go far beyond those of the model.
-MARGIN = {"state": 1.25, "measurement": 1.25, "innovation": 4.0, "product": 4.0, "nis": 8.0, "control": 2.0}
+# Rounding and approximate reciprocals bring a covariance a little above what it is in real numbers.
+MARGIN = {
+    "covariance": 1.0625,
+    "innovation_covariance": 1.0625,
+    "state": 1.25,
+    "measurement": 1.25,
+    "innovation": 4.0,
+    "product": 4.0,
+    "nis": 8.0,
+    "control": 2.0,
+}
 
 
 def margin(ranges: Ranges, index: int, signal_class: str) -> float:
@@ -279,6 +289,7 @@ class _Lowering:
                 self.given[made] = _unsigned(wanted) if wanted.signed else wanted
             else:
                 integer = math.floor(math.log2(1 / least)) + (1 if interval.low > 0 else 2)
+                integer += self.specification.room("reciprocal")
                 self.given[made] = Fixed(width=wanted, fraction=wanted - integer, signed=False)
         return made
 
@@ -329,6 +340,7 @@ class _Lowering:
         if isinstance(operation, Unary | Binary):
             greatest = min(greatest, REACH.get(operation.function, greatest))
         integer = math.frexp(greatest)[1] if greatest else 0
+        integer += self.specification.room(signal.signal_class, signal.name)
         return Fixed(width=wanted, fraction=wanted - integer - signed, signed=signed)
 
     def _fitted(self, index: int, signal: SignalName, form: Fixed) -> int:

@@ -15,7 +15,7 @@ from kalmanhdl.model.model import Model, within_turn
 Array = NDArray[np.float64]
 
 STEPS, TRACKS, SEED = 64, 256, 1960
-# Half of the tracks miss nothing; of the rest a component misses one plot in five.
+# Half of the tracks miss nothing; of the rest half misses all it may, and half one component in five.
 _MISSED = 0.2
 
 
@@ -217,10 +217,16 @@ def _known_flags(graph: Graph, initialise: bool) -> dict[int, bool]:
 def missed_now_and_then(
     model: Model, random: np.random.Generator, steps: int, tracks: int, coast: int
 ) -> NDArray[np.bool_]:
-    """Which measurements (steps, tracks, m) there are, the others being missed; see ``simulated``."""
+    """Which measurements (steps, tracks, m) there are, the others being missed; see ``simulated``.
+
+    Half of the tracks with misses has a plot only after every ``coast`` misses, from the start on: a
+    covariance is largest where it had no time to settle.
+    """
     valid = np.ones((steps, tracks, model.m), bool)
     half, begin = tracks // 2, steps // 2
     valid[:, half:] = random.random((steps, tracks - half, model.m)) >= _MISSED
+    rarely = np.arange(steps) - model.initial.points
+    valid[:, half : half + half // 2] = (rarely % (coast + 1) == coast)[:, None, None]
     valid[begin : begin + coast, half + half // 2 :] = False
     # A start from a given belief may well come without a measurement; one from measurements may not.
     valid[: model.initial.points] = not model.initial.before_update

@@ -17,6 +17,7 @@ MAX_INDEX_BITS = 16
 MAX_FUNCTION_INDEX_BITS = 12
 MAX_ITERATIONS = 8
 MAX_COAST = 32
+MAX_HEADROOM = 64
 DEFAULT_WIDTH = 16
 
 SIGNAL_CLASSES = (
@@ -35,7 +36,7 @@ SIGNAL_CLASSES = (
 # The widths that ``width`` does not touch: 18 bits are a DSP block's operand, and the NIS is a mere monitor.
 _OWN_WIDTH = MappingProxyType({"nis": 16, "constant": 18})
 
-_SIGNAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,31}\[\d{1,4}(,\d{1,4})?\]\Z")
+SIGNAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,31}\[\d{1,4}(,\d{1,4}){0,2}\]\Z")
 _Q_FORMAT = re.compile(r"(U?)Q(-?\d{1,5})\.(-?\d{1,5})\Z")
 
 Form = int | Fixed
@@ -51,6 +52,9 @@ class FixedSpecification:
     ("auto": powers of two chosen by the tool). ``covariance_scale`` divides the covariance of each
     decoupled component: the general form of the normalisation by sigma**2 of lee1997, eq. 14; one number
     for all, or one per state, equal within a component.
+
+    ``headroom`` gives signals or classes bits above the binary point beyond what the range analysis places:
+    for values that only rare tracks or the user's own data reach. A width stays what it is.
 
     ``functions`` is how sines and the like are computed; None chooses by the width of each result.
 
@@ -70,6 +74,7 @@ class FixedSpecification:
     division: DivisionMethod = field(default_factory=LongDivision)
     functions: FunctionMethod | None = None
     coast: int = 5
+    headroom: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_form("width", self.width)
@@ -81,10 +86,11 @@ class FixedSpecification:
                 raise InvalidValueError("numerics", str(name), problem)
             _check_form(name, form)
         for name, form in self.signals.items():
-            if not _SIGNAL.match(name):
+            if not SIGNAL.match(name):
                 problem = f'{shown(name)} is no signal: write it like "x[0]" or "P[0,1]"'
                 raise InvalidValueError("numerics.signals", "", problem)
             _check_form(name, form, "numerics.signals")
+        _check_headroom(self.headroom)
         _check_scale("scale", self.scale)
         _check_scale("covariance_scale", self.covariance_scale)
         _check_division(self.division)
@@ -110,6 +116,12 @@ class FixedSpecification:
             return f"[numerics.signals] {signal}"
         own = signal_class in self.classes or signal_class in _OWN_WIDTH
         return f"[numerics] {signal_class if own else 'width'}"
+
+    def room(self, signal_class: str, signal: str | None = None) -> int:
+        """Bits above the binary point beyond those of the range analysis: the signal's, else its class's."""
+        if signal is not None and signal in self.headroom:
+            return self.headroom[signal]
+        return self.headroom.get(signal_class, 0)
 
 
 def parse_format(text: str) -> Fixed | None:
@@ -142,6 +154,16 @@ def _check_form(key: str, form: object, table: str = "numerics") -> None:
     if isinstance(form, Fixed) and abs(form.fraction) > MAX_FRACTION:
         problem = f" = {form}: a fraction is an integer from -{MAX_FRACTION} to {MAX_FRACTION}"
         raise InvalidValueError(table, key, problem)
+
+
+def _check_headroom(headroom: dict[str, int]) -> None:
+    for name, bits in headroom.items():
+        if name not in SIGNAL_CLASSES and not SIGNAL.match(name):
+            problem = f'{shown(name)} is neither a signal, such as "P[0,1]", nor a class of signals'
+            raise InvalidValueError("numerics.headroom", "", problem)
+        if isinstance(bits, bool) or not isinstance(bits, int) or not 0 <= bits <= MAX_HEADROOM:
+            problem = f" = {shown(bits)}: an integer from 0 to {MAX_HEADROOM}"
+            raise InvalidValueError("numerics.headroom", name, problem)
 
 
 def _check_scale(key: str, scale: object) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kalmanhdl.explore.evaluator import Objective, Point
 from kalmanhdl.explore.search import Found
 from kalmanhdl.explore.sweep import Row
 from kalmanhdl.report.palette import BLUE, ORANGE, SERIES
@@ -14,15 +15,20 @@ from kalmanhdl.report.pictures import INK, TITLE, new_axes, save
 def save_front(found: Found, name: str, path: Path) -> None:
     """The best error for every cost that was tried; the suffix of the path chooses PNG or SVG."""
     figure, axes = new_axes(7.0, 4.2)
-    front = [point for point in found.front if point.error > 0]
-    axes.plot([p.cost for p in front], [100 * p.error for p in front], ".-", color=BLUE, label="best found")
+    by_error = found.unseen is not None
+
+    def height(point: Point) -> float:
+        return 100 * point.error if by_error else point.shift
+
+    front = [point for point in found.front if height(point) > 0]
+    axes.plot([p.cost for p in front], [height(p) for p in front], ".-", color=BLUE, label="best found")
     chosen, uniform = found.point, found.uniform_point
-    axes.plot(chosen.cost, 100 * chosen.error, "o", color=ORANGE, label="chosen")
+    axes.plot(chosen.cost, height(chosen), "o", color=ORANGE, label="chosen")
     label = f"uniform, {found.uniform} bits a word"
-    axes.plot(uniform.cost, 100 * uniform.error, "s", color=ORANGE, mfc="none", label=label)
+    axes.plot(uniform.cost, height(uniform), "s", color=ORANGE, mfc="none", label=label)
     axes.set_yscale("log")
-    axes.set_xlabel("bits of all signals" if chosen.cost == chosen.bits else "LUTs, estimated")
-    axes.set_ylabel("error beyond the float reference, %")
+    axes.set_xlabel("LUTs, estimated" if found.objective is Objective.AREA else "bits of all signals")
+    axes.set_ylabel("error beyond the float reference, %" if by_error else "NEES and NIS moved, half bands")
     axes.legend(frameon=False, fontsize=9, labelcolor=INK)
     axes.set_title(f"{name}: number formats", **TITLE)
     save(figure, path)

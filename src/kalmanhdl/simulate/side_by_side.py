@@ -53,12 +53,22 @@ class Simulation:
         return sum(self.trace.violations.values())
 
 
-def simulate(model: Model, filter_: Filter, numbers: Numbers | FloatNumbers, plots: Plots) -> Simulation:
-    """Run float reference and engine over plots. Raises ToolError where the engine does not compile."""
+def simulate(
+    model: Model,
+    filter_: Filter,
+    numbers: Numbers | FloatNumbers,
+    plots: Plots,
+    *,
+    optimised: bool = True,
+) -> Simulation:
+    """Run float reference and engine over plots; see ``engine.engines``.
+
+    Raises ToolError where the engine does not compile.
+    """
     stimulus = stimulus_of(model, numbers.typed, plots)
     given = stimulus.commands
     valid = started(model, given)
-    trace = _run(numbers.typed, stimulus, valid)
+    trace = _run(numbers.typed, stimulus, valid, optimised)
     return Simulation(
         plots=plots,
         stimulus=stimulus,
@@ -69,9 +79,11 @@ def simulate(model: Model, filter_: Filter, numbers: Numbers | FloatNumbers, plo
     )
 
 
-def _run(typed: TypedGraph | FloatGraph, stimulus: Stimulus, valid: NDArray[np.bool_]) -> Trace:
+def _run(
+    typed: TypedGraph | FloatGraph, stimulus: Stimulus, valid: NDArray[np.bool_], optimised: bool
+) -> Trace:
     """The engine over all rows; what leaves its format before a track has an estimate does not count."""
-    engine, given = Engine.of(typed), stimulus.commands
+    engine, given = Engine.of(typed, optimised=optimised), stimulus.commands
     first = engine.run(
         stimulus.inputs, stimulus.flags, active=(given != Command.NONE) & ~valid, record_states=False
     )
@@ -129,7 +141,7 @@ def _estimates(model: Model, filter_: Filter, typed: TypedGraph | FloatGraph, tr
         return real(raws, form, typed.scales[name])
 
     names = {kept.element(place) for kept in filter_.kept for place in kept.places()} & trace.states.keys()
-    P = _covariance(filter_, {name: values(name, trace.states[name]) for name in names})
+    P = covariance_of(filter_, {name: values(name, trace.states[name]) for name in names})
     for i in range(model.n):
         P[..., i, i] = values(f"P[{i},{i}]", trace.outputs[f"P[{i},{i}]"])
     x = [values(f"x[{i}]", trace.outputs[f"x[{i}]"]) for i in range(model.n)]
@@ -142,7 +154,7 @@ def _estimates(model: Model, filter_: Filter, typed: TypedGraph | FloatGraph, tr
     )
 
 
-def _covariance(filter_: Filter, states: dict[str, Array]) -> Array:
+def covariance_of(filter_: Filter, states: dict[str, Array]) -> Array:
     """The covariance that follows from what a filter kept. Shape (steps, tracks, n, n)."""
     shape = next(iter(states.values())).shape
     memory = {

@@ -25,11 +25,12 @@ def device(name: str, grade: int) -> Device:
         known = ", ".join(sorted(grades))
         problem = f" = {shown(grade)} is unknown: the speed grades of {name} are {known}"
         raise InvalidValueError("target", "grade", problem)
-    timing = grades[str(grade)]
+    timing, areas = grades[str(grade)], facts.pop("area")
     return Device(
         grade=grade,
         pipelined_period_ns=float(timing["pipelined_period_ns"]),
         delays={kind: _table(rows) for kind, rows in timing["delays"].items()},
+        areas={kind: _table(rows) for kind, rows in areas.items()},
         **facts,
     )
 
