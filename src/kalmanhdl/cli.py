@@ -200,6 +200,9 @@ def show(
     design: _Design,
     graph: Annotated[bool, typer.Option("--graph", help="Print the dataflow graph instead.")] = False,
     schedule: Annotated[bool, typer.Option("--schedule", help="Print the schedule's text instead.")] = False,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Find out which values can never leave their formats.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the schedule into a file, PNG or SVG.")
     ] = None,
@@ -227,7 +230,12 @@ def show(
     if schedule:
         typer.echo(print_plan(plan), nl=False)
     if not graph and not schedule:
-        typer.echo(design_tables(chosen, typed, plan))
+        proof = None
+        if prove:
+            from kalmanhdl.proof.prove import prove as proven
+
+            proof = proven(chosen.model, typed.typed, chosen.fixed_point.coast)
+        typer.echo(design_tables(chosen, typed, plan, proof))
     if out is not None:
         typer.echo(f"schedule: {out}")
 

@@ -18,6 +18,7 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
+from kalmanhdl.proof.prove import Proof
 from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
 from kalmanhdl.report.document import document, operation_counts
 from kalmanhdl.report.formats import basis, formats
@@ -176,8 +177,8 @@ def reproduction_table(found: Reproduction) -> str:
     return f"{found.title}\n\n{_aligned([found.columns, *found.rows])}\n\n{notes}"
 
 
-def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
-    """Operations, formats, bounds and schedule of a design."""
+def design_tables(design: Design, numbers: Numbers, plan: Plan, proof: Proof | None = None) -> str:
+    """Operations, formats, bounds and schedule of a design, and what was proven of its formats."""
     summary = summarise(plan, device(design.target.device, design.target.grade))
     needed, monitoring = operation_counts(numbers.graph)
     clock = 1000 / plan.period_ns if plan.period_ns else 0.0
@@ -194,7 +195,8 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan) -> str:
             f"{summary.register_bits} bits between, {summary.operator_register_bits} inside operators",
         ),
     ]
-    return "\n\n".join((_aligned(head), _formats(design, numbers), _chart(summary)))
+    proven = [] if proof is None else [_proof(proof)]
+    return "\n\n".join((_aligned(head), _formats(design, numbers, proof), *proven, _chart(summary)))
 
 
 def float_tables(design: Design, numbers: FloatNumbers) -> str:
@@ -223,18 +225,37 @@ def _decimal(value: Fraction) -> str:
     return f"{float(scaled):.4g}e{exponent:+03d}"
 
 
-def _formats(design: Design, numbers: Numbers) -> str:
+def _formats(design: Design, numbers: Numbers, proof: Proof | None) -> str:
     """Formats, a line each: what their bits above the binary point rest on, and whether they always do."""
+    more = () if proof is None else ("proof", "least", "greatest")
     rows: list[Sequence[str]] = [
-        ("signal", "role", "format", "last bit", "lowest", "highest", "range by", "overflow")
+        ("signal", "role", "format", "last bit", "lowest", "highest", "range by", "overflow", *more)
     ]
-    for row in formats(numbers.typed, None):
+    for row in formats(numbers.typed, None, proof):
         form = f"{'' if row['signed'] else 'u'}fixed({row['width']}, fraction={row['fraction']})"
         limits = (row["resolution"], row["lowest"], row["highest"])
-        overflow = "clamped" if row["role"] == "input" else "never" if row["proven"] else "flagged"
+        overflow = row.get("overflow", "never" if row["proven"] else "flagged")
+        overflow = "clamped" if row["role"] == "input" else overflow
         ends = (basis(row, design.fixed_point, design.model), overflow)
         shown = ("" if v is None else _figure(v) for v in limits)
-        rows.append((row["signal"], row["role"], form, *shown, *ends))
+        found = [row.get(key) for key in more]
+        said = ("" if v is None else v if isinstance(v, str) else _figure(v) for v in found)
+        rows.append((row["signal"], row["role"], form, *shown, *ends, *said))
+    return _aligned(rows)
+
+
+def _proof(proof: Proof) -> str:
+    """What the proofs hold for, and how far they came, part by part."""
+    contract = proof.contract
+    rows = [
+        ("proofs", f"hold for inputs in their declared ranges, {contract.points} initialise a start,"),
+        ("", f"and at most {contract.coast} misses of a measurement in a row"),
+    ]
+    for part in proof.parts:
+        count = part.covariances
+        searched = f"{count} covariances are reachable" if count is not None else part.unsettled
+        bounds = part.unbounded or "the states are bounded for every input"
+        rows.append((", ".join(part.states[:4]), f"{searched}; {bounds}"))
     return _aligned(rows)
 
 

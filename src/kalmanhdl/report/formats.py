@@ -8,28 +8,31 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.signals import signal_of
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.proof.prove import Proof
 from kalmanhdl.simulate.engine import Trace
 
 
-def formats(typed: TypedGraph, trace: Trace | None) -> list[dict[str, Any]]:
+def formats(typed: TypedGraph, trace: Trace | None, proof: Proof | None = None) -> list[dict[str, Any]]:
     """A row for each input, state, output, and value that is rounded on the way.
 
     ``unit`` is the real value of one unit of the hardware, so that the last bit is ``resolution`` in the
     model's units; both are None for values on the way. ``used_bits`` is what the data of a
     simulation needed of ``width``. ``proven`` tells that no input within its format makes the value leave
-    its own, by interval analysis.
+    its own, by interval analysis. With a ``proof``, ``overflow`` says more: "never", "proven" for tracks
+    that keep its contract, by what is in ``proof``, "reachable" by such tracks, or "flagged", which is not
+    known; and ``least`` and ``greatest`` are proven limits, in the model's units where there is a unit.
     """
     rows: list[dict[str, Any]] = []
     known: set[int] = set()
     for role, signals in _named(typed).items():
         for name, index in signals:
             if typed.formats[index] is not None and (role, index) not in {("output", k) for k in known}:
-                rows.append(_row(typed, trace, role, name, index))
+                rows.append(_row(typed, trace, role, name, index) | _proofs(typed, proof, name, index))
                 known.add(index)
     for index, operation in enumerate(typed.graph.operations):
         if isinstance(operation, Quantise) and index not in known:
             name = signal_of(typed.graph.origins[index]).name
-            rows.append(_row(typed, trace, "inner", name, index))
+            rows.append(_row(typed, trace, "inner", name, index) | _proofs(typed, proof, "", index))
     return rows
 
 
@@ -103,9 +106,34 @@ def _row(typed: TypedGraph, trace: Trace | None, role: str, name: str, index: in
     }
 
 
-def _can_leave(typed: TypedGraph, index: int) -> bool:
-    """Whether a value, or one that it is chosen from, is among those that can leave their format."""
+def _proofs(typed: TypedGraph, proof: Proof | None, name: str, index: int) -> dict[str, Any]:
+    """What a proof says of a value, with limits in its unit, or else in that of the hardware."""
+    if proof is None:
+        return {}
+    chosen = _violations(typed, index)
+    unproven = [k for k in chosen if k not in proof.proven]
+    bound, form = proof.bounds.get(index), typed.formats[index]
+    assert form is not None
+    overflow = "proven" if chosen else "never"
+    if unproven:
+        overflow = "reachable" if any(k in proof.reached for k in unproven) else "flagged"
+    unit = float(form.resolution) * typed.scales.get(name, 1.0)
+    return {
+        "overflow": overflow,
+        "proof": ", ".join(sorted({proof.proven[k] for k in chosen})) if not unproven else "",
+        "least": None if bound is None else bound.low * unit,
+        "greatest": None if bound is None else bound.high * unit,
+    }
+
+
+def _violations(typed: TypedGraph, index: int) -> list[int]:
+    """The violations of a value, or of those that it is chosen from."""
     operation = typed.graph.operations[index]
     if isinstance(operation, Select):
-        return _can_leave(typed, operation.a) or _can_leave(typed, operation.b)
-    return any(violation.quantise == index for violation in typed.violations)
+        return [*_violations(typed, operation.a), *_violations(typed, operation.b)]
+    return [v.quantise for v in typed.violations if v.quantise == index]
+
+
+def _can_leave(typed: TypedGraph, index: int) -> bool:
+    """Whether a value, or one that it is chosen from, is among those that can leave their format."""
+    return bool(_violations(typed, index))
