@@ -44,6 +44,7 @@ from kalmanhdl.rtl.serial_multiplier import SerialMultiplier
 from kalmanhdl.rtl.square_root import IterativeSquareRoot
 from kalmanhdl.rtl.verilog import to_rtlil
 from kalmanhdl.schedule.modulo import schedule
+from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.absorb import absorb_registers
 from kalmanhdl.toolchain.area import area
@@ -162,7 +163,7 @@ def functions() -> Iterator[Operator]:
 
 def graph(name: str, width: str, typed: TypedGraph) -> Iterator[Operator]:
     """What is made of exact operations, with the registers that a schedule for a fast clock gives it."""
-    plans = {plan.latency: plan for plan in (schedule(typed, PART, 1, 2, clock) for clock in (1.0, None))}
+    plans = {plan.latency: plan for plan in (schedule(typed, PART, Wanted(interval=1, channels=2, clock_mhz=clock)) for clock in (1.0, None))}
     for plan in plans.values():
         made = lambda plan=plan: Datapath(plan, interface(plan))  # noqa: E731
         yield Operator(name, width, plan.latency - 1, 1, made)

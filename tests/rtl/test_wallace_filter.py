@@ -10,13 +10,13 @@ from steps import expected, random_steps, run
 
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.schedule.checker import problems
-from kalmanhdl.schedule.modulo import schedule
+from planning import planned
 
 
 @pytest.mark.parametrize(("interval", "channels"), [(1, 1), (1, 16)])
 def test_a_filter_of_wallace_trees_is_right(interval, channels):
     typed = replace(alpha_beta(), logic_product=LogicProduct.WALLACE)
-    plan = schedule(typed, PLAUSIBLE, interval, channels, multiplier_blocks=0)
+    plan = planned(typed, PLAUSIBLE, interval, channels, multiplier_blocks=0)
     assert not problems(plan, PLAUSIBLE)
     assert not plan.on_multiplier_block
     steps = random_steps(plan, 60, Random(5))

@@ -16,6 +16,7 @@ from kalmanhdl.reproduce.facts import facts
 from kalmanhdl.reproduce.lee1997_parts import parts, sum_of
 from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.schedule.modulo import schedule
+from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import area
 from kalmanhdl.toolchain.nextpnr import best, place_and_route
@@ -61,7 +62,9 @@ def _combinational(typed: TypedGraph) -> "Datapath":
     from kalmanhdl.rtl.interface import interface
 
     part = device("ecp5-25k", 8)
-    plan = schedule(typed, part, 1, 1, clock_mhz=_NO_PIPELINE_MHZ, multiplier_blocks=0)
+    plan = schedule(
+        typed, part, Wanted(interval=1, channels=1, clock_mhz=_NO_PIPELINE_MHZ, multiplier_blocks=0)
+    )
     return Datapath(plan, interface(plan))
 
 
