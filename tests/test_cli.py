@@ -77,7 +77,7 @@ def test_the_verilog_of_a_folder_is_what_is_verified(built):
     done = run("verify", out, "--steps", 2000)
     assert done.exit_code == 0, done.stderr
     rows = [line.split() for line in done.stdout.splitlines()]
-    assert [row[0] for row in rows] == ["stimulus", "model", "random"]
+    assert [row[1] for row in rows] == ["stimulus", "model", "random"]
     assert all(row[-1] == "0" for row in rows[1:])
     verilog = (out / "cart.v").read_text()
     try:
@@ -184,7 +184,7 @@ def test_without_a_compiler_a_build_fails_before_the_work_and_says_what_helps(tm
     def none():
         raise ToolError("no C++ compiler was found: install one")
 
-    monkeypatch.setattr("kalmanhdl.toolchain.cxxrtl.find_compiler", none)
+    monkeypatch.setattr("kalmanhdl.toolchain.compiler.find_compiler", none)
     monkeypatch.setattr(building, "compile_design", lambda *_: pytest.fail("the work began"))
     done = run("build", DESIGN, "--out", tmp_path / "out")
     assert done.exit_code == 1

@@ -1,10 +1,11 @@
 """A whole build: the stages in their order, and the folder that keeps what they made."""
 
+import json
 import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from kalmanhdl.design import Design
 from kalmanhdl.design_file import dump, load
 from kalmanhdl.errors import DesignError, ToolError
 from kalmanhdl.numerics.integers import Numbers
-from kalmanhdl.output import check_folder, new_folder
+from kalmanhdl.output import check_folder, new_file, new_folder
 from kalmanhdl.pipeline import (
     Hardware,
     Implemented,
@@ -21,6 +22,7 @@ from kalmanhdl.pipeline import (
     compile_design,
     fixed_numbers,
     implement,
+    interface_of,
     planned,
     silent,
     simulate,
@@ -29,11 +31,11 @@ from kalmanhdl.pipeline import (
     worth_optimising,
 )
 from kalmanhdl.report.record import Record
-from kalmanhdl.rtl.interface import interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.process import in_background
+from kalmanhdl.toolchain.simulators import Simulator, need
 from kalmanhdl.verify.compare import Verification
 
 VERIFIED_STEPS = 100_000
@@ -51,13 +53,14 @@ def build(
     families: bool = False,
     force: bool = False,
     progress: Progress = silent,
+    simulators: tuple[Simulator, ...] = (Simulator.CXXRTL,),
 ) -> Record:
     """Take a design the whole line down and write the folder ``out``.
 
     With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
     the Verilog are held against the engine; 0 leaves that out, and the report says so. ``place``: also
     synthesis, place and route. ``families``: also synthesis figures on the papers' devices.
-    ``force`` replaces an earlier build.
+    ``force`` replaces an earlier build, ``simulators`` are those that verify.
 
     Raises:
         DesignError: the numerics are floating point, for which there is no hardware yet.
@@ -67,6 +70,7 @@ def build(
     check_folder(out, force=force)
     if verify_steps:
         _need_compiler()
+        need(simulators)
     prepare(place=place, progress=progress)
     seconds: dict[str, float] = {}
     hardware = compile_design(design, progress)
@@ -85,7 +89,7 @@ def build(
             with timed(
                 seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"
             ):
-                verifications = verify_long(hardware, verify_steps, plots)
+                verifications = verify_long(hardware, verify_steps, plots, simulators=simulators)
         if families:
             with timed(seconds, "areas", progress, "synthesising for the papers' families"):
                 figures = areas(hardware)
@@ -149,7 +153,9 @@ def read_build(folder: Path) -> Hardware:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise DesignError(f"{path}: the Verilog of the build cannot be read: {reason}") from None
     typed, plan = planned_design(design)
-    return Hardware(design=design, numbers=typed, plan=plan, interface=interface(plan), verilog=verilog)
+    return Hardware(
+        design=design, numbers=typed, plan=plan, interface=interface_of(design, plan), verilog=verilog
+    )
 
 
 def verilog_path(folder: Path, design: Design) -> Path:
@@ -177,19 +183,45 @@ def planned_design(design: Design) -> tuple[Numbers, Plan]:
 
 
 def verify_long(
-    hardware: Hardware, steps: int, plots: Plots | None = None, seed: int = 1
+    hardware: Hardware,
+    steps: int,
+    plots: Plots | None = None,
+    seed: int = 1,
+    simulators: tuple[Simulator, ...] = (Simulator.CXXRTL,),
 ) -> tuple[Verification, ...]:
     """As ``pipeline.verify``, any number of steps, in runs that fit in memory.
 
     Raises VerificationError at the first bit that differs.
     """
-    found: dict[str, Verification] = {}
+    found: dict[tuple[str, str], Verification] = {}
+    fast = worth_optimising(hardware, steps)
     for run_seed, run_steps in _runs(hardware, steps, seed):
         data = plots if run_seed == seed else None
-        for one in verify(hardware, run_steps, data, run_seed, optimised=worth_optimising(hardware, steps)):
-            before = found.get(one.stimulus)
-            found[one.stimulus] = _joined(before, one) if before else one
-    return tuple(found.values())
+        for one in verify(hardware, run_steps, data, run_seed, optimised=fast, simulators=simulators):
+            which = one.simulator, one.stimulus
+            found[which] = _joined(found[which], one) if which in found else one
+    return tuple(
+        found[which] for which in sorted(found, key=lambda which: simulators.index(Simulator(which[0])))
+    )
+
+
+def add_to_report(folder: Path, found: tuple[Verification, ...]) -> None:
+    """Put verifications into the report of a build folder, in place of earlier ones by the same simulators.
+
+    Raises DesignError where the folder's report cannot be read, OutputError where it cannot be written.
+    """
+    from kalmanhdl.report.writer import json_text
+
+    path = folder / "report.json"
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+        again = {one.simulator for one in found}
+        kept = [one for one in report["verification"] if one["simulator"] not in again]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DesignError(f"{path}: the report of the build cannot be read: build it again") from error
+    report["verification"] = [*kept, *(asdict(one) for one in found)]
+    with new_file(path) as file:
+        file.write_text(json_text(report), encoding="utf-8")
 
 
 def _runs(hardware: Hardware, steps: int, seed: int) -> Iterator[tuple[int, int]]:
@@ -218,7 +250,7 @@ def _joined(first: Verification, second: Verification) -> Verification:
 
 def _need_compiler() -> None:
     """Fail before the work, not after it."""
-    from kalmanhdl.toolchain.cxxrtl import find_compiler
+    from kalmanhdl.toolchain.compiler import find_compiler
 
     otherwise = "or build without verification, --no-verify"
     try:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from kalmanhdl.pipeline import Hardware
     from kalmanhdl.schedule.plan import Plan
     from kalmanhdl.simulate.data import Plots
+    from kalmanhdl.toolchain.simulators import Simulator
 
 _MOST = 1_000_000_000
 _PICTURES = (".png", ".svg")
@@ -43,6 +44,7 @@ _Seeds = Annotated[
 ]
 _Grade = Annotated[int | None, typer.Option(help="Speed grade.  [default: the design's]")]
 _Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a file, PNG or SVG.")]
+_Simulator = Annotated[str, typer.Option(help="cxxrtl, verilator, icarus or all.")]
 _Constants = Annotated[
     list[str] | None,
     typer.Option(
@@ -84,6 +86,7 @@ def build(
     steps: _Steps = 100_000,
     seeds: _Seeds = None,
     grade: _Grade = None,
+    simulator: _Simulator = "cxxrtl",
     constant: _Constants = None,
     force: _Force = False,
 ) -> None:
@@ -93,6 +96,7 @@ def build(
     from kalmanhdl.tables import build_table
 
     chosen = _retargeted(_load(design, constant), seeds=seeds, grade=grade)
+    simulators = _simulators(simulator)
     place = out or Path("build") / chosen.name
     check_folder(place, force=force)
     plots = _read(data, chosen)
@@ -106,6 +110,7 @@ def build(
             families=areas,
             force=force,
             progress=progress,
+            simulators=simulators,
         )
     typer.echo(build_table(record))
     typer.echo(f"report: {place / 'report.html'}")
@@ -156,21 +161,28 @@ def verify(
     steps: _Steps = 100_000,
     seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the random steps.")] = 1,
     data: _Data = None,
+    simulator: _Simulator = "cxxrtl",
     constant: _Constants = None,
 ) -> None:
     """Hold the Verilog against the bit-exact engine: every bit of every output and state.
 
-    Of a build folder, the Verilog that stands there is verified. Ends with exit code 1 at a difference.
+    Of a build folder, the Verilog that stands there is verified, and its report.json told. Ends with exit
+    code 1 at a difference.
     """
-    from kalmanhdl.build import verify_long
+    from kalmanhdl.build import add_to_report, verify_long
     from kalmanhdl.tables import verification_table
+    from kalmanhdl.toolchain.simulators import need
 
+    chosen = _simulators(simulator)
+    need(chosen)
     with Progress() as progress:
         hardware = _hardware(path, progress, constant, place=False)
         plots = _read(data, hardware.design)
         progress(f"verifying {steps} steps, Verilog against engine")
         with _blaming(path, hardware.design):
-            found = verify_long(hardware, steps, plots, seed)
+            found = verify_long(hardware, steps, plots, seed, chosen)
+    if path.is_dir():
+        add_to_report(path, found)
     typer.echo(verification_table(found))
 
 
@@ -191,7 +203,7 @@ def implement(
         hardware = _hardware(path, progress, constant, place=True, seeds=seeds, grade=grade, device=device)
         with _blaming(path, hardware.design):
             implemented = run(hardware, progress)
-    typer.echo(implementation_table(hardware.plan, implemented))
+    typer.echo(implementation_table(hardware.plan, hardware.design.architecture, implemented))
 
 
 @app.command()
@@ -439,6 +451,17 @@ def reproduce(
             for name, chart in found.charts.items():
                 save_chart(chart, folder / f"{name}.png")
         typer.echo(f"pictures: {out}")
+
+
+def _simulators(word: str) -> "tuple[Simulator, ...]":
+    from kalmanhdl.toolchain.simulators import Simulator
+
+    if word == "all":
+        return tuple(Simulator)
+    if word not in tuple(Simulator):
+        problem = f"{word!r}: {', '.join(Simulator)} or all"
+        raise typer.BadParameter(problem, param_hint="--simulator")
+    return (Simulator(word),)
 
 
 app.command()(asm)

@@ -1,7 +1,9 @@
 """A design: everything a user decides, as one frozen value."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +28,14 @@ MAX_CHANNELS = 65536
 MAX_BLOCKS = 65536
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
+MAX_LANES = 256
+
+
+class Streams(StrEnum):
+    """How steps reach the lanes: by one stream that all share, or each by a stream of its own."""
+
+    ONE = "one"
+    LANE = "lane"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +51,9 @@ class Architecture:
     ``units`` limits the operators of a kind, such as {"multiply": 4, "reciprocal": 1}; operations of a kind
     that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
     most clocks from a step to its result, is met with as few operators as were found to suffice.
+
+    ``lanes`` such filters stand side by side, each with ``channels`` tracks, ``units`` and
+    ``multiplier_blocks`` of its own; ``streams`` lead to them.
     """
 
     interval: int | None = None
@@ -51,6 +64,8 @@ class Architecture:
     units: Mapping[str, int] | None = None
     latency: int | None = None
     updates_per_second: float | None = None
+    lanes: int = 1
+    streams: Streams = Streams.ONE
 
     def __post_init__(self) -> None:
         if self.interval is not None:
@@ -64,6 +79,11 @@ class Architecture:
             words = ", ".join(kind.value for kind in LogicProduct)
             problem = f" = {shown(self.multiplier)}: one of {words}"
             raise InvalidValueError("architecture", "multiplier", problem) from None
+        _check_integer("architecture", "lanes", self.lanes, 1, MAX_LANES)
+        if self.streams not in tuple(Streams):
+            problem = f" = {shown(self.streams)}: {nearest(str(self.streams), tuple(Streams))}"
+            raise InvalidValueError("architecture", "streams", problem)
+        object.__setattr__(self, "streams", Streams(self.streams))
         clock = self.clock_mhz
         is_number = isinstance(clock, int | float) and not isinstance(clock, bool)
         if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):
@@ -83,6 +103,10 @@ class Architecture:
             return "multiply" in self.units
         return self.interval not in (None, 1) or bool(self.latency or self.updates_per_second)
 
+    def lanes_fed(self, interval: int) -> int:
+        """How many lanes, with a step every ``interval`` clocks, streams of a step a clock keep busy."""
+        return self.lanes if self.streams is Streams.LANE else min(self.lanes, interval)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
@@ -99,6 +123,10 @@ class Target:
     def __post_init__(self) -> None:
         known_device(self.device, self.grade)
         _check_integer("target", "seeds", self.seeds, 1, MAX_SEEDS)
+
+
+# Names that ports of the hardware begin with.
+_PORT = re.compile(r"(lane_\d+_)?(in|out)_")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,7 +150,7 @@ class Design:
         problem = identifier_problem(self.name)
         if problem is None and self.name in VERILOG_WORDS:
             problem = f"{shown(self.name)} is a word of Verilog: choose another name"
-        if problem is None and (self.name in ("clk", "rst") or self.name.startswith(("in_", "out_"))):
+        if problem is None and (self.name in ("clk", "rst") or _PORT.match(self.name)):
             problem = f"{shown(self.name)} is a name of the hardware's ports: choose another name"
         if problem:
             raise InvalidValueError("", "name", f": {problem}")

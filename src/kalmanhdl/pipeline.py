@@ -20,6 +20,7 @@ from kalmanhdl.simulate.side_by_side import simulate as run_side_by_side
 from kalmanhdl.target import Device, device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
+from kalmanhdl.toolchain.simulators import Simulator, simulate_with
 from kalmanhdl.validation import InvalidValueError
 from kalmanhdl.verify.compare import Verification
 
@@ -67,7 +68,7 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
         design=design,
         numbers=typed,
         plan=plan,
-        interface=interface(plan),
+        interface=interface_of(design, plan),
         verilog=verilog,
         seconds=seconds,
     )
@@ -89,9 +90,10 @@ def wanted(architecture: Architecture, part: Device) -> Wanted:
     interval, rate = architecture.interval, architecture.updates_per_second
     if rate is not None:
         clock_mhz = architecture.clock_mhz or 1000 / part.pipelined_period_ns
-        interval = int(clock_mhz * 1e6 / rate)
-        if interval < 1:
-            problem = f" = {rate:g}: a clock of {clock_mhz:.1f} MHz starts {clock_mhz:.1f} million at most"
+        interval = int(clock_mhz * 1e6 * architecture.lanes / rate)
+        most = clock_mhz * architecture.lanes_fed(1)
+        if interval < 1 or rate > most * 1e6:
+            problem = f" = {rate:g}: a clock of {clock_mhz:.1f} MHz starts {most:.1f} million at most"
             raise InvalidValueError("architecture", "updates_per_second", problem)
     return Wanted(
         interval=interval,
@@ -107,11 +109,27 @@ def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
     """The Verilog of a plan, as the user gets it."""
     # Amaranth takes a third of a second to import; who only simulates does not need it.
     from kalmanhdl.rtl.filter import Filter
+    from kalmanhdl.rtl.lanes import Lanes
     from kalmanhdl.rtl.verilog import header, to_rtlil
     from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 
-    rtlil = to_rtlil(Filter(plan), design.name)
-    return rtlil_to_verilog(rtlil, design.name, header(plan, design.name))
+    wanted, name, module = design.architecture, design.name, lane_module(design)
+    if module is None:
+        rtlil = to_rtlil(Filter(plan), name)
+    else:
+        rtlil = to_rtlil(Filter(plan), module)
+        rtlil += to_rtlil(Lanes(plan, wanted.lanes, wanted.streams, module), name)
+    return rtlil_to_verilog(rtlil, name, header(plan, name, wanted.lanes, wanted.streams))
+
+
+def lane_module(design: Design) -> str | None:
+    """The Verilog module of which every lane is an instance; None where there is but one."""
+    return f"{design.name}_lane" if design.architecture.lanes > 1 else None
+
+
+def interface_of(design: Design, plan: Plan) -> Interface:
+    """The ports of a design's hardware."""
+    return interface(plan, design.architecture.lanes, design.architecture.streams)
 
 
 def numbers_of(design: Design) -> Numbers | FloatNumbers:
@@ -144,39 +162,49 @@ def verify(
     seed: int = 1,
     progress: Progress = silent,
     optimised: bool | None = None,
+    simulators: tuple[Simulator, ...] = (Simulator.CXXRTL,),
 ) -> tuple[Verification, ...]:
     """The Verilog against the engine: on data, on tracks drawn from the model, on raw numbers at random.
 
     ``steps`` are split between the latter two; the last also stalls both streams, fills the hardware up and
     resets it in the middle. Beside many steps there are some more, that take the covariance into its corners.
-    A simulator is ``optimised`` where the number of steps is worth its compilation.
+    Every one of ``simulators`` runs the same steps; it is ``optimised`` where their number is worth its
+    compilation.
     Raises VerificationError at the first bit that differs, or that comes in another clock than it should.
     """
     from kalmanhdl.simulate.engine import Engine
-    from kalmanhdl.toolchain.cxxrtl import build_library
     from kalmanhdl.verify.compare import border_of
     from kalmanhdl.verify.compare import verify as run
     from kalmanhdl.verify.stimulus import Section, from_model, from_plots, random_sections, walking
     from kalmanhdl.verify.walk import walks
 
-    model, plan, typed = hardware.design.model, hardware.plan, hardware.numbers.typed
-    half = max(1, steps // 2)
+    model, plan, typed, shown = (
+        hardware.design.model,
+        hardware.plan,
+        hardware.numbers.typed,
+        hardware.interface,
+    )
+    half, tracks = max(1, steps // 2), plan.channels * shown.lanes
     progress(f"verifying {steps} steps, Verilog against engine")
     runs = [
-        ("model", (Section(steps=from_model(model, typed, half, plan.channels, seed)),)),
-        ("random", random_sections(plan, half, seed + 1)),
+        ("model", (Section(steps=from_model(model, typed, half, tracks, seed)),)),
+        ("random", random_sections(plan, shown, half, seed + 1)),
     ]
     if steps >= WALKING_STEPS and (found := walks(typed, seed)):
-        ways = (walking(typed, found, plan.channels, seed, calm=calm) for calm in (True, False))
+        ways = (walking(typed, found, tracks, seed, calm=calm) for calm in (True, False))
         runs.append(("walks", tuple(Section(steps=steps) for steps in ways)))
     if plots is not None:
-        runs.insert(0, ("data", (Section(steps=from_plots(model, typed, plots, plan.channels)),)))
+        runs.insert(0, ("data", (Section(steps=from_plots(model, typed, plots, tracks)),)))
     fast = worth_optimising(hardware, steps) if optimised is None else optimised
     name = hardware.design.name
-    library = build_library(hardware.verilog, name, border_of(hardware.interface), optimised=fast)
     # An engine that is made quickly keeps up with any simulator: it has no clocks between its steps.
     engine = Engine.of(typed, optimised=fast)
-    return tuple(run(library, name, plan, engine, sections, stimulus=kind) for kind, sections in runs)
+    verified = []
+    for each in simulators:
+        simulate = simulate_with(each, hardware.verilog, name, border_of(shown), optimised=fast)
+        for kind, sections in runs:
+            verified.append(run(simulate, name, plan, shown, engine, sections, stimulus=kind))
+    return tuple(verified)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +229,7 @@ def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
     design, seconds = hardware.design, dict[str, float]()
     part = device(design.target.device, design.target.grade)
     with timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
-        netlist = absorb_registers(synthesise_ecp5(hardware.verilog, design.name))
+        netlist = absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design)))
     wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns
     seeds = range(1, design.target.seeds + 1)
     with timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):

@@ -9,7 +9,7 @@ from json import dumps
 from typing import Any
 
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.design import Design
+from kalmanhdl.design import Architecture, Design, Streams
 from kalmanhdl.explore.evaluator import Objective, Point
 from kalmanhdl.explore.monte_carlo import MonteCarlo
 from kalmanhdl.explore.search import Found
@@ -40,11 +40,12 @@ _FRONT_ROWS = 12
 def build_table(record: Record) -> str:
     """The figures of a build, a line a stage."""
     hardware, facts = record.hardware, document(record)
-    plan = hardware.plan
+    plan, architecture = hardware.plan, hardware.design.architecture
     rows: list[Sequence[str]] = [
         ("design", f"{hardware.design.name}, {facts['algorithm']}, {_model(facts['model'])}"),
         ("operations", _counted(facts["operations"])),
         ("schedule", _schedule(plan)),
+        *_lanes(architecture),
     ]
     if record.simulation is not None:
         accuracy = facts["accuracy"]
@@ -54,7 +55,7 @@ def build_table(record: Record) -> str:
         rows.append(("data", "none: errors and normalised innovations squared were not measured, see --data"))
     rows.append(("verification", _verified(record.verifications)))
     if record.implemented is not None:
-        rows.append(("implementation", _placed(plan, record.implemented)))
+        rows.append(("implementation", _placed(plan, architecture, record.implemented)))
     rows += [("synthesis", f"{one.family_name}: {_cells(one)}") for one in record.areas]
     return _aligned(rows)
 
@@ -83,6 +84,15 @@ def _schedule(plan: Plan) -> str:
     return ", ".join(parts)
 
 
+def _lanes(architecture: Architecture) -> list[Sequence[str]]:
+    """What is told of several lanes; the lines of the schedule are those of one."""
+    if architecture.lanes == 1:
+        return []
+    tracks = architecture.lanes * architecture.channels
+    streams = "streams of their own" if architecture.streams is Streams.LANE else "one stream"
+    return [("lanes", f"{architecture.lanes} of these side by side with {streams}, {tracks} tracks")]
+
+
 def _clocks(count: int) -> str:
     return f"{count} clock" if count == 1 else f"{count} clocks"
 
@@ -93,9 +103,10 @@ def _verified(found: Sequence[Verification]) -> str:
     return f"{sum(v.steps for v in found)} steps, {sum(v.mismatches for v in found)} mismatches"
 
 
-def _placed(plan: Plan, implemented: Implemented) -> str:
+def _placed(plan: Plan, architecture: Architecture, implemented: Implemented) -> str:
     best = implemented.best
-    speed = f"{best.fmax_mhz:.1f} MHz (seed {best.seed}), {best.fmax_mhz / plan.interval:.1f} M updates/s"
+    rate = best.fmax_mhz * architecture.lanes_fed(plan.interval) / plan.interval
+    speed = f"{best.fmax_mhz:.1f} MHz (seed {best.seed}), {rate:.1f} M updates/s"
     return f"{best.device} grade {best.grade}: {speed}, {_cells(best)}"
 
 
@@ -151,20 +162,23 @@ def _nis(model: Model, simulation: Simulation) -> str:
 
 def verification_table(found: Sequence[Verification]) -> str:
     """What was compared, a line a stimulus."""
-    rows: list[Sequence[str]] = [("stimulus", "steps", "bits", "cycles", "cycles/s", "mismatches")]
+    rows: list[Sequence[str]] = [
+        ("simulator", "stimulus", "steps", "bits", "cycles", "cycles/s", "mismatches")
+    ]
     for one in found:
         numbers = (one.steps, one.bits, one.cycles, round(one.cycles_per_second), one.mismatches)
-        rows.append((one.stimulus, *map(str, numbers)))
+        rows.append((one.simulator, one.stimulus, *map(str, numbers)))
     return _aligned(rows)
 
 
-def implementation_table(plan: Plan, implemented: Implemented) -> str:
+def implementation_table(plan: Plan, architecture: Architecture, implemented: Implemented) -> str:
     """Every placement, the best first."""
     rows: list[Sequence[str]] = [
         ("seed", "MHz", "M updates/s", "ns a step", "LUTs", "flip-flops", "multipliers", "block RAMs")
     ]
     for one in implemented.placements:
-        rate, step = one.fmax_mhz / plan.interval, plan.latency * 1000 / one.fmax_mhz
+        rate = one.fmax_mhz * architecture.lanes_fed(plan.interval) / plan.interval
+        step = plan.latency * 1000 / one.fmax_mhz
         cells = (one.luts, one.ffs, one.multipliers, one.block_rams)
         rows.append((str(one.seed), f"{one.fmax_mhz:.2f}", f"{rate:.2f}", f"{step:.2f}", *map(str, cells)))
     best = implemented.best
@@ -187,6 +201,7 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan, proof: Proof | N
         ("operations", _counted(needed)),
         ("", f"{_counted(monitoring) or 'none'} for innovation and NIS alone"),
         ("schedule", _schedule(plan)),
+        *_lanes(design.architecture),
         ("bound set by", ", ".join(summary.loop) or "nothing"),
         ("clock", f"{plan.period_ns:.2f} ns ({clock:.0f} MHz) expected on {design.target.device}"),
         ("units", _counted(summary.units)),

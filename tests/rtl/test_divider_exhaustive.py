@@ -13,7 +13,8 @@ from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.rtl.divider import LongDivider
 from kalmanhdl.rtl.flow import SkidBuffer
 from kalmanhdl.rtl.verilog import to_rtlil
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, build_library
+from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.harness import Border, Stream
 from kalmanhdl.toolchain.simulation import Simulation
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from kalmanhdl.toolchain.absorb import absorb_registers
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, build_library
+from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.harness import Border, Stream
 from kalmanhdl.toolchain.simulation import Simulation, Stalls
 from kalmanhdl.toolchain.yosys import Netlist, run_script, synthesise_ecp5
 

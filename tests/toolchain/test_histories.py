@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, build_library
+from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.harness import Border, Stream
 from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.simulation import Simulation, Stalls
 

@@ -4,7 +4,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kalmanhdl.errors import ToolError, VerificationError
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, build_library
+from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.harness import Border, Stream
 from kalmanhdl.toolchain.simulation import Simulation, Stalls
 
 # A pipeline of three stages: the product of two signed numbers beside 70 bits passed on, running count.
@@ -120,6 +121,6 @@ def test_a_failing_compiler_shows_its_own_error_line(own_cache, fake_tool, monke
 def test_without_a_compiler_the_error_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("kalmanhdl.toolchain.cxxrtl.find_spec", lambda name: None)
+    monkeypatch.setattr("kalmanhdl.toolchain.compiler.find_spec", lambda name: None)
     with pytest.raises(ToolError, match=r"no C\+\+ compiler .*install .*ziglang"):
         build_library(VERILOG, "top", BORDER)

@@ -14,6 +14,7 @@ from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.simulation import Compiled
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 from kalmanhdl.verify.compare import border_of, verify
 from kalmanhdl.verify.stimulus import Section, random_steps
@@ -29,7 +30,9 @@ def verified_steps(plan: Plan, count: int) -> int:
     verilog = rtlil_to_verilog(to_rtlil(Filter(plan), "robot"), "robot", header(plan, "robot"))
     library = build_library(verilog, "robot", border_of(interface(plan)), optimised=False)
     section = Section(steps=random_steps(plan.typed, count, plan.channels, 1))
-    run = verify(library, "robot", plan, Engine.of(plan.typed), [section], stimulus="random")
+    simulator = Compiled(name="cxxrtl", library=library)
+    engine = Engine.of(plan.typed)
+    run = verify(simulator, "robot", plan, interface(plan), engine, [section], stimulus="random")
     assert run.mismatches == 0
     return run.steps
 

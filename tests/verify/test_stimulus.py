@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kalmanhdl.rtl.interface import interface
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.verify.stimulus import FOURTH, random_sections, random_steps
 from verify.test_timing import plan_of
@@ -46,14 +47,14 @@ def test_random_steps_hold_tracks_in_turn_and_the_same_track_again_and_again(pla
 
 @pytest.mark.parametrize("count", [1, 7, 100, 1000, 20_000])
 def test_sections_take_exactly_the_steps_that_were_asked_for(plan, count):
-    sections = random_sections(plan, count, 3)
+    sections = random_sections(plan, interface(plan), count, 3)
     assert sum(len(section.steps.order) for section in sections) == count
     assert all(len(section.steps.order) >= section.left for section in sections)
     assert not sections[-1].left
 
 
 def test_sections_pause_fill_the_hardware_and_leave_results_on_the_way(plan):
-    sections = random_sections(plan, 20_000, 3)
+    sections = random_sections(plan, interface(plan), 20_000, 3)
     assert any(section.calm for section in sections)
     assert any(section.blocked for section in sections)
     assert any(section.stalls.sink for section in sections)

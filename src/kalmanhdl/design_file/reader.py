@@ -143,6 +143,8 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             units=architecture.units,
             latency=architecture.latency,
             updates_per_second=architecture.updates_per_second,
+            lanes=architecture.lanes,
+            streams=architecture.streams,
         ),
         target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
     )

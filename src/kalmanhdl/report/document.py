@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalmanhdl.algorithm.trace import components
+from kalmanhdl.design import Architecture
 from kalmanhdl.graph.builder import reachable
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.graph.simplify import counts
@@ -41,7 +42,7 @@ def document(record: Record) -> dict[str, Any]:
         "algorithm": hardware.design.algorithm.kind,
         "operations": needed,
         "operations_monitoring": monitoring,
-        "schedule": _schedule(summary),
+        "schedule": _schedule(summary, hardware.design.architecture),
         "estimates": _estimates(record, summary),
         "numerics": _numerics(record),
         "accuracy": _accuracy(record),
@@ -100,11 +101,13 @@ def _model(record: Record) -> dict[str, Any]:
     }
 
 
-def _schedule(summary: Summary) -> dict[str, Any]:
+def _schedule(summary: Summary, architecture: Architecture) -> dict[str, Any]:
     return {
         "interval_cycles": summary.interval_cycles,
         "latency_cycles": summary.latency_cycles,
         "channels": summary.channels,
+        "lanes": architecture.lanes,
+        "streams": architecture.streams.value,
         "units": summary.units,
         "recurrence_bound_cycles": summary.recurrence_bound_cycles,
         "distance_cycles": summary.distance_cycles,
@@ -118,22 +121,23 @@ def _schedule(summary: Summary) -> dict[str, Any]:
 
 def _estimates(record: Record, summary: Summary) -> dict[str, Any]:
     """What the schedule expects of the device, before any tool has seen the design."""
-    target = record.hardware.design.target
+    target, architecture = record.hardware.design.target, record.hardware.design.architecture
     clock = 1000 / summary.period_ns if summary.period_ns else math.nan
     return {
         "period_ns": summary.period_ns,
         "pipelined_period_ns": summary.pipelined_period_ns,
         "fmax_mhz": clock,
-        **_rates(summary, clock),
+        **_rates(summary, architecture, clock),
         "delays_measured_with": device(target.device, target.grade).measured_with,
     }
 
 
-def _rates(summary: Summary, fmax_mhz: float) -> dict[str, float]:
+def _rates(summary: Summary, architecture: Architecture, fmax_mhz: float) -> dict[str, float]:
+    fed = architecture.lanes_fed(summary.interval_cycles)
     return {
         "latency_ns": summary.latency_cycles * 1000 / fmax_mhz,
         "update_interval_ns": summary.interval_cycles * 1000 / fmax_mhz,
-        "updates_per_second": fmax_mhz * 1e6 / summary.interval_cycles,
+        "updates_per_second": fmax_mhz * 1e6 * fed / summary.interval_cycles,
     }
 
 
@@ -216,17 +220,17 @@ def _overflows(record: Record, simulation: Simulation) -> dict[str, Any]:
 
 def _implementation(record: Record, summary: Summary) -> dict[str, Any]:
     """The best placement, and every one that was tried; nothing but the device where none was."""
-    target = record.hardware.design.target
+    target, architecture = record.hardware.design.target, record.hardware.design.architecture
     named = {"device": target.device, "grade": target.grade}
     if record.implemented is None:
-        rates = dict.fromkeys(_rates(summary, 1.0))
+        rates = dict.fromkeys(_rates(summary, architecture, 1.0))
         return {**named, "tool": None, **dict.fromkeys(_FIGURES), **rates, "seed": None, "placements": []}
     best = record.implemented.best
     return {
         **named,
         "tool": best.tool,
         **_figures(best),
-        **_rates(summary, best.fmax_mhz),
+        **_rates(summary, architecture, best.fmax_mhz),
         "seed": best.seed,
         "critical_path": [asdict(hop) for hop in best.critical_path],
         "placements": [

@@ -1,16 +1,37 @@
 """The filter as one component: streams, the datapath between them, the tracks' states beside it."""
 
 from amaranth.hdl import Module, Signal, Value
-from amaranth.lib.wiring import Component, In, Out
+from amaranth.lib.wiring import Component, In, Member, Out
 
 from kalmanhdl.rtl.context import Bank, MemoryBank, RegisterBank, bank_layout, banks
 from kalmanhdl.rtl.datapath import Datapath, result_cycle
 from kalmanhdl.rtl.flow import Credits, ResultQueue, SkidBuffer, queue_depth
-from kalmanhdl.rtl.interface import COMMAND_WIDTH, interface
+from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface, interface
 from kalmanhdl.rtl.issue import Issue, pace
 from kalmanhdl.rtl.layouts import result_layout, shape, step_layout
 from kalmanhdl.rtl.names import identifier
 from kalmanhdl.schedule.plan import Plan
+
+
+def ports(shown: Interface) -> dict[str, Member]:
+    """The ports of a pair of streams, by name."""
+    tag = {"command": COMMAND_WIDTH} | ({"track": shown.track_width} if shown.track_width else {})
+    return {
+        "in_valid": In(1),
+        "in_ready": Out(1),
+        **{f"in_{field}": In(width) for field, width in tag.items()},
+        **{port.name: In(shape(port.form)) for port in (*shown.numbers, *shown.present)},
+        "out_valid": Out(1),
+        "out_ready": In(1),
+        **{f"out_{field}": Out(width) for field, width in tag.items()},
+        **{port.name: Out(shape(port.form)) for port in shown.outputs},
+    }
+
+
+def most_held(plan: Plan) -> int:
+    """Steps that a filter takes, at most, while none of its results is taken."""
+    entrance, waiting, at_exit = 2, 2, 1
+    return queue_depth(plan.interval, result_cycle(plan)) + entrance + waiting + at_exit
 
 
 class Filter(Component):
@@ -23,21 +44,9 @@ class Filter(Component):
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._interface = shown = interface(plan)
+        self._interface = interface(plan)
         self._banks = banks(plan)
-        tag = {"command": COMMAND_WIDTH} | ({"track": shown.track_width} if shown.track_width else {})
-        super().__init__(
-            {
-                "in_valid": In(1),
-                "in_ready": Out(1),
-                **{f"in_{field}": In(width) for field, width in tag.items()},
-                **{port.name: In(shape(port.form)) for port in (*shown.numbers, *shown.present)},
-                "out_valid": Out(1),
-                "out_ready": In(1),
-                **{f"out_{field}": Out(width) for field, width in tag.items()},
-                **{port.name: Out(shape(port.form)) for port in shown.outputs},
-            }
-        )
+        super().__init__(ports(self._interface))
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

@@ -66,12 +66,13 @@ class ResultQueue(Component):
     """A queue of results: written whenever ``write`` is high, read as a stream.
 
     It knows no full state: whoever writes holds credits. ``freed`` is high once for each place that can
-    be written again.
+    be written again. ``in_luts``: it is small, and no block RAM, whose words come late in a cycle.
     """
 
-    def __init__(self, layout: StructLayout, depth: int) -> None:
+    def __init__(self, layout: StructLayout, depth: int, *, in_luts: bool = False) -> None:
         self._layout = layout
         self._depth = depth
+        self._style = {"ram_style": "distributed"} if in_luts else {}
         super().__init__(
             {"write": In(1), "data": In(layout), "freed": Out(1), "o": Out(stream.Signature(layout))}
         )
@@ -80,7 +81,7 @@ class ResultQueue(Component):
         m = Module()
         # The two addresses never meet in a cycle, so a bypass would be waste.
         m.submodules.memory = memory = Memory(
-            shape=self._layout, depth=self._depth, init=[], attrs={"no_rw_check": 1}
+            shape=self._layout, depth=self._depth, init=[], attrs={"no_rw_check": 1, **self._style}
         )
         write, read = memory.write_port(), memory.read_port()
         write_place = Signal(range(self._depth))

@@ -5,15 +5,22 @@ and formats of its ports here; nothing in this module needs Amaranth.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.design import Streams
 from kalmanhdl.graph.operations import Flag, Input, is_flag
 from kalmanhdl.rtl.names import identifier
 from kalmanhdl.schedule.plan import Plan
 
 INITIALISE_FLAG = "initialise"
+
+Number = TypeVar("Number", int, NDArray[np.int64])
 
 
 class Command(IntEnum):
@@ -73,6 +80,10 @@ class Interface:
     Streams transfer in a cycle in which both valid and ready are high: in ``in_valid``, ``in_ready``,
     ``in_track`` (if ``track_width``), ``in_command``, ``numbers`` and ``present``; out ``out_valid``,
     ``out_ready``, ``out_track``, ``out_command`` and ``outputs``.
+
+    With several lanes the track of number t lives in lane t mod ``lanes`` as its track t div ``lanes``.
+    ``streams`` has the prefix that the ports of each pair of streams have, ``scopes`` the prefix of the
+    wires of each lane. Where lanes share the streams, the low ``lane_width`` bits of a track id are the lane.
     """
 
     track_width: int
@@ -80,10 +91,37 @@ class Interface:
     present: tuple[Port, ...]
     outputs: tuple[Port, ...]
     states: tuple[StateWrite, ...]
+    lanes: int = 1
+    lane_width: int = 0
+    streams: tuple[str, ...] = ("",)
+    scopes: tuple[str, ...] = ("",)
+
+    def track_id(self, track: Number) -> Number:
+        """What a stream calls the track of this number, or of these numbers."""
+        local, lane = track // self.lanes, track % self.lanes
+        return (local << self.lane_width) | lane if self.lane_width else local
 
 
-def interface(plan: Plan) -> Interface:
-    """The interface of the hardware of a plan. Ports are sorted: z before u, each by its index."""
+def lane_name(lane: int) -> str:
+    """The name of a lane inside its design."""
+    return f"lane_{lane}"
+
+
+def interface(plan: Plan, lanes: int = 1, streams: Streams = Streams.ONE) -> Interface:
+    """The interface of ``lanes`` filters of a plan."""
+    one = _of_one(plan)
+    if lanes == 1:
+        return one
+    names = [lane_name(lane) for lane in range(lanes)]
+    scopes = tuple(f"{name}." for name in names)
+    if streams is Streams.LANE:
+        return replace(one, lanes=lanes, scopes=scopes, streams=tuple(f"{name}_" for name in names))
+    bits = track_width(lanes)
+    return replace(one, lanes=lanes, scopes=scopes, lane_width=bits, track_width=one.track_width + bits)
+
+
+def _of_one(plan: Plan) -> Interface:
+    """The interface of one filter. Ports are sorted: z before u, each by its index."""
     operations = plan.typed.graph.operations
     numbers = {o.name: plan.typed.formats[k] for k, o in enumerate(operations) if isinstance(o, Input)}
     flags = {o.name for o in operations if isinstance(o, Flag)} - {INITIALISE_FLAG}

@@ -9,6 +9,7 @@ from amaranth.hdl._nir import Netlist
 from amaranth.lib.wiring import Component
 
 from kalmanhdl import __version__
+from kalmanhdl.design import Streams
 from kalmanhdl.rtl.context import banks
 from kalmanhdl.rtl.datapath import result_cycle
 from kalmanhdl.rtl.interface import Command, Interface, Port, interface
@@ -41,15 +42,16 @@ def _unchecked(_: Netlist) -> None:
     pass
 
 
-def header(plan: Plan, name: str) -> str:
+def header(plan: Plan, name: str, lanes: int = 1, streams: Streams = Streams.ONE) -> str:
     """What stands at the top of a design's Verilog, without comment marks: what made it, how it is used.
 
     Equal plans give equal headers: neither dates nor places are in it.
     """
-    shown = interface(plan)
+    shown = interface(plan, lanes, streams)
     lines = [
         f"{name}: a Kalman filter made by kalmanhdl {__version__}",
         "",
+        *_lanes(plan, shown),
         *_rate(plan),
         "",
         "In: in_valid, in_ready,",
@@ -62,11 +64,24 @@ def header(plan: Plan, name: str) -> str:
         *_RESET.splitlines(),
         "",
         "For simulation: while the second wire is high, the first is a new state, of the track on the third.",
+        *(["Each lane has its own."] if shown.lanes > 1 else []),
         *(f"  {_columns(write.data, write.enable, write.track or '')}" for write in shown.states),
         "",
         *_LICENCE.splitlines(),
     ]
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _lanes(plan: Plan, shown: Interface) -> Iterator[str]:
+    if shown.lanes == 1:
+        return
+    yield f"Lanes: {shown.lanes}, each a filter with tracks of its own, to which the next lines belong."
+    if shown.lane_width:
+        yield f"They share the streams: the low {shown.lane_width} bits of a track's id are its lane, the"
+        yield "others its number there."
+    else:
+        first, last = (f"{pair}in_valid" for pair in (shown.streams[0], shown.streams[-1]))
+        yield f"Each has streams of its own, with the lane before the names of ports: {first} to {last}."
 
 
 def _rate(plan: Plan) -> Iterator[str]:
@@ -80,7 +95,8 @@ def _rate(plan: Plan) -> Iterator[str]:
 
 def _tag(stream: str, plan: Plan, shown: Interface) -> Iterator[str]:
     if shown.track_width:
-        yield f"  {_columns(f'{stream}_track', f'u{shown.track_width}', f'0 to {plan.channels - 1}')}"
+        most = shown.track_id(shown.lanes * plan.channels - 1)
+        yield f"  {_columns(f'{stream}_track', f'u{shown.track_width}', f'0 to {most}')}"
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     yield f"  {_columns(f'{stream}_command', 'u2', f'{codes}, 3 as {Command.PREDICT.value}')}"
 

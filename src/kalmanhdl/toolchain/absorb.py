@@ -26,9 +26,10 @@ def absorb_registers(netlist: Netlist) -> Netlist:
     """
     document = json.loads(netlist.json)
     module = document["modules"][netlist.top]
+    around = _Surroundings(module)
     for _, cell in sorted(module["cells"].items()):
         if cell["type"] == "MULT18X18D":
-            _absorb(module, cell)
+            _absorb(around, cell)
     text = json.dumps(document)
     return dataclasses.replace(netlist, json=text, cells=count_cells(text, netlist.top))
 
@@ -41,35 +42,61 @@ class _Control:
     enable: _Bit
 
 
-def _absorb(module: dict[str, Any], block: _Cell) -> None:
+class _Surroundings:
+    """The registers around the blocks, and what reads and drives the bits between."""
+
+    def __init__(self, module: dict[str, Any]) -> None:
+        self._cells = module["cells"]
+        self.uses = _uses(module)
+        self.registers = _registers(module)
+        self.by_input = {cell["connections"]["DI"][0]: name for name, cell in self.registers.items()}
+        self.by_output = {cell["connections"]["Q"][0]: name for name, cell in self.registers.items()}
+
+    def connect(self, block: _Cell, pin: str, bit: _Bit) -> None:
+        """Connect an input of a block to a bit."""
+        for before in block["connections"].get(pin, ()):
+            self.uses[before] -= 1
+        self.uses[bit] += 1
+        block["connections"][pin] = [bit]
+        block["port_directions"][pin] = "input"
+
+    def remove(self, name: str) -> None:
+        """Take a register away."""
+        register = self.registers.pop(name)
+        for pin, connected in register["connections"].items():
+            if register.get("port_directions", {}).get(pin) != "output":
+                self.uses.subtract(connected)
+        del self.by_input[register["connections"]["DI"][0]]
+        del self.by_output[register["connections"]["Q"][0]]
+        del self._cells[name]
+
+
+def _absorb(around: _Surroundings, block: _Cell) -> None:
     if any(key.endswith("_CLK") and value != "NONE" for key, value in block["parameters"].items()):
         return
-    uses, registers = _uses(module), _registers(module)
-    if not _absorb_product(module, block, uses, registers):
-        _absorb_operands(module, block, registers)
+    if not _absorb_product(around, block):
+        _absorb_operands(around, block)
 
 
-def _absorb_product(
-    module: dict[str, Any], block: _Cell, uses: Counter[_Bit], registers: dict[str, _Cell]
-) -> bool:
-    by_input = {cell["connections"]["DI"][0]: name for name, cell in registers.items()}
+def _absorb_product(around: _Surroundings, block: _Cell) -> bool:
+    uses, by_input = around.uses, around.by_input
     used = [pin for pin in _pins(block, "P") if uses[block["connections"][pin][0]]]
     bits = [block["connections"][pin][0] for pin in used]
     if not used or any(uses[bit] != 1 or bit not in by_input for bit in bits):
         return False
     names = [by_input[bit] for bit in bits]
-    controls = {_control(registers[name]) for name in names}
+    controls = {_control(around.registers[name]) for name in names}
     if len(controls) != 1:
         return False
     for pin, name in zip(used, names, strict=True):
-        block["connections"][pin] = registers[name]["connections"]["Q"]
-        del module["cells"][name]
-    _configure(block, "REG_OUTPUT", "0", controls.pop())
+        block["connections"][pin] = around.registers[name]["connections"]["Q"]
+        around.remove(name)
+    _configure(around, block, "REG_OUTPUT", "0", controls.pop())
     return True
 
 
-def _absorb_operands(module: dict[str, Any], block: _Cell, registers: dict[str, _Cell]) -> None:
-    by_output = {cell["connections"]["Q"][0]: name for name, cell in registers.items()}
+def _absorb_operands(around: _Surroundings, block: _Cell) -> None:
+    registers, by_output = around.registers, around.by_output
     found: dict[str, _Control] = {}
     for operand in "AB":
         bits = [
@@ -81,15 +108,19 @@ def _absorb_operands(module: dict[str, Any], block: _Cell, registers: dict[str, 
         found[operand] = control
     if found["A"].clock != found["B"].clock:
         return
+    passed = set()
     for operand, number in (("A", "0"), ("B", "1")):
         for pin in _pins(block, operand):
             if (bit := block["connections"][pin][0]) in by_output:
-                block["connections"][pin] = registers[by_output[bit]]["connections"]["DI"]
-        _configure(block, f"REG_INPUT{operand}", number, found[operand])
-    _remove_unused(module, registers)
+                passed.add(by_output[bit])
+                around.connect(block, pin, registers[by_output[bit]]["connections"]["DI"][0])
+        _configure(around, block, f"REG_INPUT{operand}", number, found[operand])
+    for name in passed:
+        if around.uses[registers[name]["connections"]["Q"][0]] == 0:
+            around.remove(name)
 
 
-def _configure(block: _Cell, register: str, number: str, control: _Control) -> None:
+def _configure(around: _Surroundings, block: _Cell, register: str, number: str, control: _Control) -> None:
     """Switch a row of the block's registers on, with the enable of that number."""
     block["parameters"] |= {
         f"{register}_CLK": "CLK0",
@@ -97,8 +128,7 @@ def _configure(block: _Cell, register: str, number: str, control: _Control) -> N
         f"{register}_RST": "RST0",
     }
     for pin, bit in (("CLK0", control.clock), (f"CE{number}", control.enable), ("RST0", "0")):
-        block["connections"][pin] = [bit]
-        block["port_directions"][pin] = "input"
+        around.connect(block, pin, bit)
 
 
 def _registers(module: dict[str, Any]) -> dict[str, _Cell]:
@@ -119,13 +149,6 @@ def _control(register: _Cell) -> _Control:
     always = register["parameters"].get("CEMUX", "CE").strip() == "1"
     enable = "1" if always else register["connections"]["CE"][0]
     return _Control(register["connections"]["CLK"][0], enable)
-
-
-def _remove_unused(module: dict[str, Any], registers: dict[str, _Cell]) -> None:
-    uses = _uses(module)
-    for name, cell in registers.items():
-        if uses[cell["connections"]["Q"][0]] == 0:
-            del module["cells"][name]
 
 
 def _uses(module: dict[str, Any]) -> Counter[_Bit]:

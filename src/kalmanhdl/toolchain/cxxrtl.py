@@ -1,18 +1,17 @@
 """CXXRTL: the Verilog that the user gets, read back and compiled into a fast simulator."""
 
-import os
 import re
-import shlex
 import shutil
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
 from kalmanhdl.errors import ToolError, VerificationError
 from kalmanhdl.toolchain import cache
+from kalmanhdl.toolchain.compiler import find_compiler
+from kalmanhdl.toolchain.harness import Border, pairs_header
 from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.process import Tool, run, working_folder
 from kalmanhdl.toolchain.yosys import outputs_of
@@ -36,60 +35,6 @@ _FASTER = (
     (re.compile(r"\.repeat<(\d+)>\(\)"), r".zext<\1>().neg()"),
 )
 _NAME = re.compile(r"\bp_\w+")
-_REMEDY = "install a C++ compiler (g++ or clang++), name one in CXX, or install the package ziglang"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stream:
-    """A stream of one direction at the design's border: handshake ports and payload ports (name, width)."""
-
-    valid: str
-    ready: str
-    payload: tuple[tuple[str, int], ...]
-
-    @property
-    def words(self) -> int:
-        """64-bit words of one token: every port starts a new word, low word first."""
-        return sum(-(-width // 64) for _, width in self.payload)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
-    """Wires of the top module that are recorded in every cycle in which the wire ``enable`` is high."""
-
-    enable: str
-    wires: tuple[tuple[str, int], ...]
-
-    @property
-    def words(self) -> int:
-        """64-bit words of one record: every wire starts a new word, low word first."""
-        return sum(-(-width // 64) for _, width in self.wires)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Border:
-    """Where a stream design meets the world: its clock, its reset, one stream in and one stream out.
-
-    ``watches`` are looks inside it; the wires must be kept by an attribute ``keep``.
-    """
-
-    source: Stream
-    sink: Stream
-    watches: tuple[Watch, ...] = ()
-    clock: str = "clk"
-    reset: str = "rst"
-
-
-def find_compiler() -> Tool:
-    """The C++ compiler: CXX, else the first of g++, clang++ and c++, else the one of ziglang."""
-    if named := os.environ.get("CXX"):
-        return Tool(name="c++", command=tuple(shlex.split(named)), remedy=_REMEDY)
-    for name in ("g++", "clang++", "c++"):
-        if path := shutil.which(name):
-            return Tool(name=name, command=(path,), remedy=_REMEDY)
-    if find_spec("ziglang"):
-        return Tool(name="zig", command=(sys.executable, "-m", "ziglang", "c++"), remedy=_REMEDY)
-    raise ToolError(f"no C++ compiler was found: {_REMEDY}")
 
 
 def build_library(verilog: str, top: str, border: Border, *, optimised: bool = True) -> Path:
@@ -100,30 +45,40 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     Raises ToolError where a tool is missing or fails, and VerificationError where the design has a latch:
     a simulation by clocks takes it for a register.
     """
-    harness = _beside("stream_harness.cc")
-    return compile_simulator(verilog, top, _ports_header(top, border), harness, optimised=optimised)
+    texts = {"model.h": _beside("cxxrtl_model.h"), "pairs.h": pairs_header(border, _reach, _reach)}
+    names, harness = _names_header(top, border), _beside("stream_harness.cc")
+    return compile_simulator(verilog, top, names, harness, texts, optimised=optimised)
 
 
-def compile_simulator(verilog: str, top: str, ports: str, harness: str, *, optimised: bool = True) -> Path:
+def compile_simulator(
+    verilog: str,
+    top: str,
+    ports: str,
+    harness: str,
+    further: Mapping[str, str] | None = None,
+    *,
+    optimised: bool = True,
+) -> Path:
     """Compile a Verilog design and a harness in C++ that drives it into a shared library; cached by content.
 
     ``ports`` is what the harness includes as ports.h: the names that it uses, as ``mangled`` has them.
+    ``further`` files that it includes may have names as well.
 
     Raises as ``build_library``.
     """
-    compiler = find_compiler()
+    compiler, included = find_compiler(), dict(further or {})
     shared, rewriting = (_beside(name) for name in ("harness.h", "histories.py"))
     flags = (*_OPTIONS, *(_FAST + _FAST_LARGE if optimised else _QUICKLY_MADE))
     how = (version(YOSYS), *compiler.command, *flags, *_SPLIT, *map(repr, _FASTER), sys.platform)
-    parts = (*how, verilog, top, ports, harness, shared, rewriting)
+    parts = (*how, verilog, top, ports, harness, shared, rewriting, *included.values())
 
     def make(folder: Path) -> None:
         design = _translated(verilog, top)
         if optimised:
-            design = _faster(design, ports)
+            design = _faster(design, "".join((ports, *included.values())))
         with working_folder() as work:
             sources = {"design.cc": design, "ports.h": ports, "harness.cc": harness, "harness.h": shared}
-            for name, text in sources.items():
+            for name, text in {**sources, **included}.items():
                 (work / name).write_text(text)
             speed = (_FAST_LARGE if len(design) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
             first = () if optimised else _precompiled(compiler)
@@ -190,37 +145,15 @@ def _runtime() -> Path:
     return Path(package.submodule_search_locations[0]) / "share/include/backends/cxxrtl/runtime"
 
 
-def _ports_header(top: str, border: Border) -> str:
-    """What the harness must know of one design, as C++."""
-    source, sink = border.source, border.sink
-    single = {
-        "CLOCK": border.clock,
-        "RESET": border.reset,
-        "IN_VALID": source.valid,
-        "IN_READY": source.ready,
-    }
-    single |= {"OUT_VALID": sink.valid, "OUT_READY": sink.ready}
-    lines = [f"#define {word} {mangled(name)}" for word, name in single.items()]
-    lines += [f"#define CLOCK_BEFORE prev_{mangled(border.clock)}", f"#define TOP {mangled(top)}"]
-    lines += [f"#define IN_WORDS {source.words}", f"#define OUT_WORDS {sink.words}"]
-    lines += ["#define PUT_INPUTS(top, words)" + _calls("put", source.payload)]
-    lines += ["#define GET_OUTPUTS(top, words)" + _calls("get", sink.payload)]
-    looks = map(_watch, range(len(border.watches)), border.watches)
-    lines += ["#define WATCH(top, watched)" + "".join(looks)]
-    return "\n".join(lines) + "\n"
+def _names_header(top: str, border: Border) -> str:
+    """What harness.h must know of one design."""
+    clock = mangled(border.clock)
+    names = {"TOP": mangled(top), "CLOCK": clock, "CLOCK_BEFORE": f"prev_{clock}"}
+    return "".join(f"#define {word} {name}\n" for word, name in names.items())
 
 
-def _calls(function: str, ports: Sequence[tuple[str, int]]) -> str:
-    calls, word = "", 0
-    for name, width in ports:
-        calls += f" {function}<{width}>(top.{mangled(name)}, words + {word});"
-        word += -(-width // 64)
-    return calls
-
-
-def _watch(number: int, watch: Watch) -> str:
-    body = _calls("get", watch.wires)
-    return f" if (uint64_t *words = watched[{number}].next(bit(top.{mangled(watch.enable)}))) {{{body} }}"
+def _reach(name: str) -> str:
+    return f"model.top.{mangled(name)}"
 
 
 def mangled(name: str) -> str:

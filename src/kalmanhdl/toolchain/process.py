@@ -22,7 +22,9 @@ from typing import Any
 from kalmanhdl.errors import ToolError
 from kalmanhdl.toolchain import cache
 
-_ERROR_LINE = re.compile(r"\bERROR:|(^|\s)(fatal )?error:|undefined reference|^\w*Error: ", re.MULTILINE)
+_ERROR_LINE = re.compile(
+    r"\bERROR:|(^|\s)(fatal )?error:|undefined reference|^%?\w*Error(-\w+)?: ", re.MULTILINE
+)
 _POLL_SECONDS = 0.01
 _LOGS_KEPT = 50
 

@@ -100,11 +100,18 @@ def rtlil_to_verilog(rtlil: str, top: str, header: str = "") -> str:
     return "".join(f"// {line}".rstrip() + "\n" for line in header.splitlines()) + text
 
 
-def synthesise_ecp5(verilog: str, top: str) -> Netlist:
-    """Synthesise for Lattice ECP5. Raises ToolError."""
+def synthesise_ecp5(verilog: str, top: str, repeated: str | None = None) -> Netlist:
+    """Synthesise for Lattice ECP5. Raises ToolError.
+
+    A module ``repeated`` is synthesised once for all its instances, not together with what is around it.
+    """
+    apart = [f"setattr -mod -set keep_hierarchy 1 {repeated}"] if repeated else []
+    joined = [f"setattr -mod -unset keep_hierarchy {repeated}", "flatten", "opt_clean"] if repeated else []
     commands = [
         "read_verilog design.v",
+        *apart,
         f"synth_ecp5 -top {top}",
+        *joined,
         "write_json netlist.json",
     ]
     text = cached_script("ecp5", commands, {"design.v": verilog}, "netlist.json")

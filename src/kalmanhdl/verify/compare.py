@@ -1,24 +1,23 @@
 """Verilog and engine, bit for bit: every output and every state of every step."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import VerificationError
-from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface, interface
+from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.simulate.engine import Trace as EngineTrace
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
-from kalmanhdl.toolchain.cxxrtl import Border, Stream, Watch
-from kalmanhdl.toolchain.simulation import Simulation, Trace
+from kalmanhdl.toolchain.harness import Border, Stream, Watch
+from kalmanhdl.toolchain.simulation import Run, Sent, Simulate, Traces
+from kalmanhdl.verify.clocks import Clocks, clocks_of
 from kalmanhdl.verify.stimulus import Section, Steps
-from kalmanhdl.verify.timing import accepted_again, handed_over, held_back, never_waits
 
 RESET = "rst"
 
@@ -57,19 +56,33 @@ class Mismatch:
 
 def border_of(interface: Interface) -> Border:
     """The streams of the generated module, and its states as watches."""
-    tag = [("command", COMMAND_WIDTH)] + ([("track", interface.track_width)] if interface.track_width else [])
+    first, *further = (_pair(interface, prefix) for prefix in interface.streams)
+    source, sink = first
     # A token whose reset bit is set is no step but a reset of one clock.
-    into = [*((f"in_{n}", w) for n, w in tag), *((p.name, p.width) for p in _inputs(interface)), (RESET, 1)]
+    source = replace(source, payload=(*source.payload, (RESET, 1)))
+    watches = (watch for scope in interface.scopes for watch in _watches(interface, scope))
+    return Border(source=source, sink=sink, further=tuple(further), watches=tuple(watches))
+
+
+def _pair(interface: Interface, prefix: str) -> tuple[Stream, Stream]:
+    tag = [("command", COMMAND_WIDTH)] + ([("track", interface.track_width)] if interface.track_width else [])
+    into = [*((f"in_{n}", w) for n, w in tag), *((p.name, p.width) for p in _inputs(interface))]
     out = [*((f"out_{n}", w) for n, w in tag), *((p.name, p.width) for p in interface.outputs)]
+    source, sink = (tuple((prefix + name, width) for name, width in ports) for ports in (into, out))
+    return (
+        Stream(valid=f"{prefix}in_valid", ready=f"{prefix}in_ready", payload=source),
+        Stream(valid=f"{prefix}out_valid", ready=f"{prefix}out_ready", payload=sink),
+    )
+
+
+def _watches(interface: Interface, scope: str) -> list[Watch]:
+    """The states of a lane, those that are written together in one watch; the order is that of every lane."""
+    width = interface.track_width - interface.lane_width
     groups: dict[str, list[tuple[str, int]]] = {}
     for state in interface.states:
-        wires = groups.setdefault(state.enable, [(state.track, interface.track_width)] if state.track else [])
-        wires.append((state.data, state.form.width if state.form else 1))
-    return Border(
-        source=Stream(valid="in_valid", ready="in_ready", payload=tuple(into)),
-        sink=Stream(valid="out_valid", ready="out_ready", payload=tuple(out)),
-        watches=tuple(Watch(enable=enable, wires=tuple(wires)) for enable, wires in groups.items()),
-    )
+        wires = groups.setdefault(state.enable, [(scope + state.track, width)] if state.track else [])
+        wires.append((scope + state.data, state.form.width if state.form else 1))
+    return [Watch(enable=scope + enable, wires=tuple(wires)) for enable, wires in groups.items()]
 
 
 def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
@@ -77,37 +90,45 @@ def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
 
 
 def verify(
-    library: Path, top: str, plan: Plan, engine: Engine, sections: Sequence[Section], *, stimulus: str
+    simulate: Simulate,
+    top: str,
+    plan: Plan,
+    shown: Interface,
+    engine: Engine,
+    sections: Sequence[Section],
+    *,
+    stimulus: str,
 ) -> Verification:
-    """Run sections of steps through a compiled simulator of the Verilog and the engine and compare every bit.
+    """Run sections of steps through a simulator of the Verilog and the engine and compare every bit.
 
     Where nobody pauses, the clock in which each result comes is compared with what the plan says.
     Raises VerificationError at the first difference, or where the Verilog hangs.
     """
-    shown = interface(plan)
-    border = border_of(shown)
+    border, clocks = border_of(shown), clocks_of(plan, shown)
     before: dict[str, Integers] | None = None
     since, seconds = 0, 0.0
-    with Simulation(library, border) as simulation:
-        for number, section in enumerate(sections):
-            steps = section.steps
-            expected = engine.run(steps.inputs, steps.flags, active=steps.active, initial_state=before)
-            begin = time.perf_counter()
-            trace = _simulated(simulation, border, shown, plan, section, reset=number + 1 < len(sections))
-            seconds += time.perf_counter() - begin
-            found = _first_mismatch(border, shown, section, trace, expected) or _first_late(
-                plan, section, trace, since
-            )
-            if found is not None:
-                raise VerificationError(f"{top}: {found} ({stimulus} stimulus)")
-            before = _left_behind(border, shown, section, trace, expected, before)
-            since = trace.cycles
+    traces = simulate.run(border, _runs(border, shown, clocks, sections))
+    for number, section in enumerate(sections):
+        steps = section.steps
+        begin = time.perf_counter()
+        last = number + 1 == len(sections)
+        trace = _joined(section, [next(traces) for _ in range(1 + section.blocked + (not last))], last=last)
+        seconds += time.perf_counter() - begin
+        expected = engine.run(steps.inputs, steps.flags, active=steps.active, initial_state=before)
+        parts = _Parts.of(shown, section)
+        found = _first_mismatch(border, shown, parts, trace, expected) or _first_late(
+            shown, clocks, parts, trace, since
+        )
+        if found is not None:
+            raise VerificationError(f"{top}: {found} ({stimulus} stimulus)")
+        before = _left_behind(border, shown, section, parts, trace, expected, before)
+        since = trace[0].cycles
     width = sum(w for _, w in border.sink.payload) + sum(
-        w for watch in border.watches for _, w in watch.wires
+        w for state in _watches(shown, "") for _, w in state.wires
     )
     sent = sum(len(section.steps.order) for section in sections)
     return Verification(
-        simulator="cxxrtl",
+        simulator=simulate.name,
         stimulus=stimulus,
         steps=sent,
         bits=sent * width,
@@ -116,55 +137,98 @@ def verify(
     )
 
 
-def _simulated(
-    simulation: Simulation, border: Border, shown: Interface, plan: Plan, section: Section, *, reset: bool
-) -> Trace:
-    """The trace of a section, with what is still written in the clock of the reset that ends it."""
-    tokens = _packed(border, shown, section.steps)
-    count = len(tokens) - section.left
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Parts:
+    """A section as each pair of streams and as each lane sees it: their own steps, in sending order."""
+
+    streams: tuple[Section, ...]
+    lanes: tuple[Section, ...]
+
+    @classmethod
+    def of(cls, shown: Interface, section: Section) -> "_Parts":
+        lanes = tuple(_of_lane(section, shown, lane) for lane in range(shown.lanes))
+        return cls(streams=lanes if len(shown.streams) == shown.lanes else (section,), lanes=lanes)
+
+
+def _of_lane(section: Section, shown: Interface, lane: int) -> Section:
+    if shown.lanes == 1:
+        return section
+    own = section.steps.tracks % shown.lanes == lane
+    # Of shared streams so many results are on the way in all, of others so many in each.
+    shared = len(shown.streams) == 1
+    left = int(own[len(own) - section.left :].sum()) if shared else min(section.left, int(own.sum()))
+    return replace(section, steps=replace(section.steps, order=section.steps.order[own]), left=left)
+
+
+def _runs(border: Border, shown: Interface, clocks: Clocks, sections: Sequence[Section]) -> Iterator[Run]:
+    """What is simulated: of a blocked section first what the hardware can hold; between sections a reset."""
+    for number, section in enumerate(sections):
+        parts = _Parts.of(shown, section).streams
+        tokens = [
+            _packed(source, shown, part.steps) for part, (source, _) in zip(parts, border.pairs, strict=True)
+        ]
+        if section.blocked:
+            full = clocks.held_back
+            yield Run(sent=tuple(Sent(tokens=each[:full], results=0) for each in tokens))
+            yield Run(sent=tuple(Sent(tokens=each[full:], results=len(each)) for each in tokens))
+        else:
+            sent = (
+                Sent(tokens=each, results=len(each) - part.left)
+                for each, part in zip(tokens, parts, strict=True)
+            )
+            yield Run(sent=tuple(sent), stalls=section.stalls)
+        if number + 1 < len(sections):
+            pulses = [np.zeros((0, each.shape[1]), np.uint64) for each in tokens]
+            pulses[0] = np.zeros((1, tokens[0].shape[1]), np.uint64)
+            pulses[0][0, -1] = 1
+            yield Run(sent=tuple(Sent(tokens=each, results=0) for each in pulses))
+
+
+def _joined(section: Section, traces: list[Traces], *, last: bool) -> Traces:
+    """The traces of a section, with what is still written in the clock of the reset that ends it."""
+    trace = traces[section.blocked]
     if section.blocked:
-        full = held_back(plan)
-        first = simulation.run(tokens[:full], 0)
-        second = simulation.run(tokens[full:], count)
-        trace = replace(second, accepted_at=np.concatenate([first.accepted_at, second.accepted_at]))
-    else:
-        trace = simulation.run(tokens, count, section.stalls)
-    if not reset:
+        trace = tuple(
+            replace(second, accepted_at=np.concatenate([first.accepted_at, second.accepted_at]))
+            for first, second in zip(*traces[:2], strict=True)
+        )
+    if last:
         return trace
-    pulse = np.zeros((1, tokens.shape[1]), np.uint64)
-    pulse[0, -1] = 1
-    after = simulation.run(pulse, 0)
-    watched = tuple(np.concatenate(both) for both in zip(trace.watched, after.watched, strict=True))
-    return replace(trace, watched=watched, cycles=after.cycles)
+    after = traces[-1][0]
+    watched = tuple(np.concatenate(both) for both in zip(trace[0].watched, after.watched, strict=True))
+    return tuple(replace(each, watched=watched, cycles=after.cycles) for each in trace)
 
 
-def _first_late(plan: Plan, section: Section, trace: Trace, since: int) -> str | None:
+def _first_late(shown: Interface, clocks: Clocks, parts: _Parts, traces: Traces, since: int) -> str | None:
     """What comes in another clock than the plan says, of what it does say; clock 0 is ``since``."""
-    tracks = section.steps.tracks
-    accepted, produced = trace.accepted_at - since, trace.produced_at - since
-    if section.calm:
-        seen, wanted, what = produced, handed_over(plan, tracks)[: len(produced)], "has its result"
-    elif section.blocked and never_waits(plan):
-        seen = accepted[held_back(plan) :][:1]
-        wanted, what = np.array([accepted_again(plan, int(produced[0]))]), "is taken"
-    else:
-        return None
-    late = np.flatnonzero(seen != wanted)
-    if not len(late):
-        return None
-    at = int(late[0])
-    step = at if section.calm else held_back(plan)
-    return (
-        f"step {step} (track {tracks[step]}) {what} in clock {seen[at]} after reset, "
-        f"and by the schedule in clock {wanted[at]}"
-    )
+    for part, trace in zip(parts.streams, traces, strict=True):
+        accepted, produced = trace.accepted_at - since, trace.produced_at - since
+        tracks = part.steps.tracks if len(parts.streams) == 1 else part.steps.tracks // shown.lanes
+        if part.calm:
+            seen, wanted, what = produced, clocks.handed_over(tracks)[: len(produced)], "has its result"
+        elif part.blocked and clocks.never_waits:
+            seen = accepted[clocks.held_back :][:1]
+            wanted, what = np.array([clocks.accepted_again(int(produced[0]))]), "is taken"
+        else:
+            continue
+        late = np.flatnonzero(seen != wanted)
+        if not len(late):
+            continue
+        at = int(late[0])
+        step = at if part.calm else clocks.held_back
+        return (
+            f"step {step} (track {part.steps.tracks[step]}) {what} in clock {seen[at]} after reset, "
+            f"and by the schedule in clock {wanted[at]}"
+        )
+    return None
 
 
 def _left_behind(
     border: Border,
     shown: Interface,
     section: Section,
-    trace: Trace,
+    parts: _Parts,
+    traces: Traces,
     expected: EngineTrace,
     before: dict[str, Integers] | None,
 ) -> dict[str, Integers]:
@@ -172,7 +236,7 @@ def _left_behind(
     if not section.left:
         return expected.final_state
     written: dict[str, int] = {}
-    for watch, records in zip(border.watches, trace.watched, strict=True):
+    for watch, records in zip(border.watches, traces[0].watched, strict=True):
         written |= {name: len(records) for name, _ in watch.wires}
     held = {}
     for state in shown.states:
@@ -180,26 +244,32 @@ def _left_behind(
         held[state.state] = (
             np.zeros(states.shape[1], states.dtype) if before is None else before[state.state].copy()
         )
-        places = section.steps.order[: written[state.data]]
-        tracks = section.steps.tracks[: len(places)]
-        # The last step of each track.
-        _, backwards = np.unique(tracks[::-1], return_index=True)
-        last = len(places) - 1 - backwards
-        held[state.state][tracks[last]] = states.ravel()[places[last]]
+        for scope, part in zip(shown.scopes, parts.lanes, strict=True):
+            places = part.steps.order[: written[scope + state.data]]
+            tracks = part.steps.tracks[: len(places)]
+            # The last step of each track.
+            _, backwards = np.unique(tracks[::-1], return_index=True)
+            last = len(places) - 1 - backwards
+            held[state.state][tracks[last]] = states.ravel()[places[last]]
     return held
 
 
-def _packed(border: Border, interface: Interface, steps: Steps) -> Words:
+def _packed(source: Stream, interface: Interface, steps: Steps) -> Words:
     """One token a step, in sending order."""
-    tracks = steps.commands.shape[1]
     fields: dict[str, Integers] = {
         "in_command": steps.commands.ravel()[steps.order],
-        "in_track": steps.order % tracks,
+        "in_track": interface.track_id(steps.tracks),
     }
     fields |= {port.name: steps.inputs[port.signal].ravel()[steps.order] for port in interface.numbers}
     fields |= {port.name: steps.offered[port.signal].ravel()[steps.order] for port in interface.present}
     fields[RESET] = np.zeros(len(steps.order), np.int64)
-    return np.concatenate([_words(fields[name], width) for name, width in border.source.payload], axis=1)
+    words = [_words(fields[_bare(name, interface)], width) for name, width in source.payload]
+    return np.concatenate(words, axis=1)
+
+
+def _bare(name: str, interface: Interface) -> str:
+    """The name of a port without the lane that stands before it."""
+    return next((name.removeprefix(p) for p in interface.streams if p and name.startswith(p)), name)
 
 
 def _words(values: Integers, width: int) -> Words:
@@ -234,33 +304,38 @@ def _columns(words: Words, ports: tuple[tuple[str, int], ...]) -> dict[str, Word
 
 
 def _first_mismatch(
-    border: Border, interface: Interface, section: Section, trace: Trace, expected: EngineTrace
+    border: Border, interface: Interface, parts: _Parts, traces: Traces, expected: EngineTrace
 ) -> Mismatch | None:
-    found = [_in_outputs(border, interface, section.steps, trace.outputs, expected.outputs)]
+    found = [
+        _in_outputs(_columns(trace.outputs, _pair(interface, "")[1].payload), interface, part.steps, expected)
+        for part, trace in zip(parts.streams, traces, strict=True)
+    ]
     # The simulation keeps no more records than it is given steps, of the second part of a blocked section.
-    for watch, records in zip(border.watches, () if section.blocked else trace.watched, strict=False):
-        found.append(_in_states(watch, interface, section, records, expected.states))
+    if not parts.lanes[0].blocked:
+        looks = _watches(interface, "")
+        for number, records in enumerate(traces[0].watched):
+            lane, look = divmod(number, len(looks))
+            found.append(_in_states(looks[look], interface, parts.lanes[lane], records, expected.states))
+    return _first(found)
+
+
+def _first(found: Iterable[Mismatch | None]) -> Mismatch | None:
     real = [each for each in found if each is not None]
     return min(real, key=lambda each: each.step) if real else None
 
 
 def _in_outputs(
-    border: Border, interface: Interface, steps: Steps, words: Words, outputs: dict[str, Integers]
+    columns: dict[str, Words], interface: Interface, steps: Steps, expected: EngineTrace
 ) -> Mismatch | None:
-    columns = _columns(words, border.sink.payload)
-    found = [
-        _difference("out_command", _values(columns["out_command"], 2, None), steps.commands.ravel(), steps)
-    ]
+    commands = _values(columns["out_command"], COMMAND_WIDTH, None)
+    found = [_difference("out_command", commands, steps.commands.ravel(), steps)]
     if "out_track" in columns:
-        width = interface.track_width
-        found.append(
-            _unequal("out_track", _values(columns["out_track"], width, None), steps.tracks, steps.tracks)
-        )
+        seen = _values(columns["out_track"], interface.track_width, None)
+        found.append(_unequal("out_track", seen, interface.track_id(steps.tracks), steps.tracks))
     for port in interface.outputs:
         seen = _values(columns[port.name], port.width, port.form)
-        found.append(_difference(port.signal, seen, outputs[port.signal].ravel(), steps))
-    real = [each for each in found if each is not None]
-    return min(real, key=lambda each: each.step) if real else None
+        found.append(_difference(port.signal, seen, expected.outputs[port.signal].ravel(), steps))
+    return _first(found)
 
 
 def _in_states(
@@ -271,7 +346,7 @@ def _in_states(
     fewest = len(steps.order) - section.left
     if not fewest <= len(records) <= len(steps.order):
         return Mismatch(
-            step=min(len(records), len(steps.order) - 1),
+            step=max(0, min(len(records), len(steps.order) - 1)),
             track=-1,
             signal=f"number of writes under {watch.enable}",
             verilog=len(records),
@@ -284,10 +359,9 @@ def _in_states(
             seen = _values(columns[state.data], width, state.form)
             found.append(_difference(f"state {state.state}", seen, states[state.state].ravel(), steps))
         if state.track and state.track in columns:
-            seen = _values(columns[state.track], interface.track_width, None)
-            found.append(_unequal(state.track, seen, steps.tracks, steps.tracks))
-    real = [each for each in found if each is not None]
-    return min(real, key=lambda each: each.step) if real else None
+            seen = _values(columns[state.track], interface.track_width - interface.lane_width, None)
+            found.append(_unequal(state.track, seen, steps.tracks // interface.lanes, steps.tracks))
+    return _first(found)
 
 
 def _difference(signal: str, seen: Integers, expected: Integers, steps: Steps) -> Mismatch | None:

@@ -12,13 +12,14 @@ from kalmanhdl.graph.operations import Flag, Input
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import STEPS, simulated
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.rtl.interface import Interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.commands import Command, commands
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.simulate.side_by_side import stimulus_of
 from kalmanhdl.toolchain.simulation import Stalls
-from kalmanhdl.verify.timing import held_back, in_full_flow, never_waits, on_the_way
+from kalmanhdl.verify.clocks import Clocks, clocks_of
 from kalmanhdl.verify.walk import Walk
 
 # Of random steps one in twenty starts its track anew and one in eight only predicts, some of these by the
@@ -35,7 +36,8 @@ _STALLS = (0.25, 0.5, 0.75)
 class Steps:
     """Rows of steps of tracks. Every array is (rows, tracks); inactive places are no step.
 
-    ``order`` lists the places row * tracks + track in the order in which the steps are sent. ``flags`` are
+    ``order`` lists the places row * tracks + track in the order in which the steps are sent: all of them, or
+    those of one of several streams. ``flags`` are
     what counts; a measurement may be ``offered`` with a prediction all the same.
     """
 
@@ -211,8 +213,8 @@ def _turns(tracks: NDArray[np.int64]) -> NDArray[np.int64]:
 class Section:
     """Steps between two resets, and how the streams pause.
 
-    ``blocked``: no result is taken before the hardware is full. ``left``: so many results are still on the
-    way when the reset comes that ends the section.
+    ``blocked``: no result is taken before the hardware is full. ``left``: so many results of each stream are
+    still on the way when the reset comes that ends the section, or all of its results where it has fewer.
     """
 
     steps: Steps
@@ -233,41 +235,44 @@ _SHORT, _SHORT_STEPS, _FILLING, _SHARE = 60, 30, 5, 2
 _IN_TURN = 0.3
 
 
-def random_sections(plan: Plan, count: int, seed: int) -> tuple[Section, ...]:
+def random_sections(plan: Plan, shown: Interface, count: int, seed: int) -> tuple[Section, ...]:
     """``count`` random steps: short sections that resets end, some that fill the hardware, two long ones.
 
     One of the long sections never pauses.
     """
-    full = held_back(plan)
+    clocks, streams, tracks = clocks_of(plan, shown), len(shown.streams), plan.channels * shown.lanes
+    full = clocks.held_back
     random = np.random.default_rng(seed)
-    group = _FILLING * _SHORT_STEPS + full + _SHORT_STEPS
+    filling = (full + _SHORT_STEPS) * streams
+    group = _FILLING * _SHORT_STEPS * streams + filling
     sections: list[Section] = []
     for _ in range(min(_SHORT // _FILLING, count // _SHARE // group)):
-        sections += [_short(plan, random) for _ in range(_FILLING)]
+        sections += [_short(plan, clocks, tracks, streams, random) for _ in range(_FILLING)]
         # Tracks in turn, so that steps wait for a place only.
-        steps = random_steps(plan.typed, full + _SHORT_STEPS, plan.channels, _seed(random), in_turn=True)
+        steps = random_steps(plan.typed, filling, tracks, _seed(random), in_turn=True)
         sections.append(Section(steps=steps, blocked=True))
     rest = count - sum(len(section.steps.order) for section in sections)
     pauses = Stalls(), Stalls(seed=seed, source=_STALLS[0], sink=_STALLS[0])
     for size, stalls in zip((rest // 2, rest - rest // 2), pauses, strict=True):
         if size:
-            steps = random_steps(plan.typed, size, plan.channels, _seed(random))
+            steps = random_steps(plan.typed, size, tracks, _seed(random))
             sections.append(Section(steps=steps, stalls=stalls))
     return tuple(sections)
 
 
-def _short(plan: Plan, random: np.random.Generator) -> Section:
+def _short(plan: Plan, clocks: Clocks, tracks: int, streams: int, random: np.random.Generator) -> Section:
     """Some steps, of all tracks or of two, the same in all such sections, that may meet before and after."""
-    if never_waits(plan) and random.random() < _IN_TURN:
+    if clocks.never_waits and random.random() < _IN_TURN:
         # At the full rate every register holds a step when the reset comes.
-        left = int(random.integers(0, in_full_flow(plan), endpoint=True))
-        steps = random_steps(plan.typed, left + _SHORT_STEPS, plan.channels, _seed(random), in_turn=True)
+        left = int(random.integers(0, clocks.in_full_flow, endpoint=True))
+        size = (left + _SHORT_STEPS) * streams
+        steps = random_steps(plan.typed, size, tracks, _seed(random), in_turn=True)
         return Section(steps=steps, left=left)
     source, sink = random.choice((0.0, *_STALLS), 2) if random.random() < 0.5 else (0.0, 0.0)
     stalls = Stalls(seed=_seed(random), source=float(source), sink=float(sink))
-    left = int(random.integers(0, on_the_way(plan, steady=not source), endpoint=True))
-    size = int(random.integers(left, 2 * _SHORT_STEPS - left, endpoint=True)) or 1
-    steps = random_steps(plan.typed, size, plan.channels, _seed(random), few=bool(random.random() < 0.5))
+    left = int(random.integers(0, clocks.on_the_way(steady=not source), endpoint=True))
+    size = int(random.integers(left, 2 * _SHORT_STEPS - left, endpoint=True)) * streams or 1
+    steps = random_steps(plan.typed, size, tracks, _seed(random), few=bool(random.random() < 0.5))
     return Section(steps=steps, stalls=stalls, left=left)
 
 
