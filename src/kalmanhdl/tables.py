@@ -205,6 +205,7 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan, proof: Proof | N
         ("bound set by", ", ".join(summary.loop) or "nothing"),
         ("clock", f"{plan.period_ns:.2f} ns ({clock:.0f} MHz) expected on {design.target.device}"),
         ("units", _counted(summary.units)),
+        *_turns(summary),
         (
             "registers",
             f"{summary.register_bits} bits between, {summary.operator_register_bits} inside operators",
@@ -212,6 +213,21 @@ def design_tables(design: Design, numbers: Numbers, plan: Plan, proof: Proof | N
     ]
     proven = [] if proof is None else [_proof(proof)]
     return "\n\n".join((_aligned(head), _formats(design, numbers, proof), *proven, _chart(summary)))
+
+
+def _turns(summary: Summary) -> list[tuple[str, str]]:
+    """The operators that are shared, and the interval beside the least that they and the loop allow."""
+    if not summary.turns:
+        return []
+    shared = ", ".join(f"{count} {kind} on {summary.units[kind]}" for kind, count in summary.turns.items())
+    loop = -(-summary.recurrence_bound_cycles // summary.channels)
+    least = max(summary.operator_bound_cycles, loop)
+    gap = f"{summary.interval_cycles} clocks, no less than {least}: operators {summary.operator_bound_cycles}"
+    return [
+        ("turns", shared),
+        ("interval", f"{gap}, loop {loop}"),
+        ("memories", f"{summary.memory_bits} bits of operands that wait"),
+    ]
 
 
 def float_tables(design: Design, numbers: FloatNumbers) -> str:

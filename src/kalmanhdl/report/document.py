@@ -110,12 +110,15 @@ def _schedule(summary: Summary, architecture: Architecture) -> dict[str, Any]:
         "streams": architecture.streams.value,
         "units": summary.units,
         "recurrence_bound_cycles": summary.recurrence_bound_cycles,
+        "operator_bound_cycles": summary.operator_bound_cycles,
+        "turns": summary.turns,
         "distance_cycles": summary.distance_cycles,
         "shallower": summary.shallower,
         "loop": summary.loop,
         "multiplier_blocks": summary.multiplier_blocks,
         "register_bits": summary.register_bits,
         "operator_register_bits": summary.operator_register_bits,
+        "memory_bits": summary.memory_bits,
     }
 
 

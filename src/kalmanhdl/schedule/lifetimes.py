@@ -20,10 +20,13 @@ def widths(typed: TypedGraph) -> list[int]:
     ]
 
 
-def held_bits(typed: TypedGraph, starts: Sequence[int], ends: Sequence[int]) -> int:
-    """Register bits between operators of a step."""
+def held_bits(typed: TypedGraph, starts: Sequence[int], ends: Sequence[int], stand: int = 1) -> int:
+    """Register bits between operators of a step, when each register stands for so many cycles."""
     last = last_reads(typed.graph, starts, ends)
-    return sum(width * max(0, read - end) for width, read, end in zip(widths(typed), last, ends, strict=True))
+    return sum(
+        width * -(-max(0, read - end) // stand)
+        for width, read, end in zip(widths(typed), last, ends, strict=True)
+    )
 
 
 def result_cycle(graph: Graph, ends: Sequence[int]) -> int:

@@ -21,6 +21,8 @@ from kalmanhdl.schedule.operators import operators, picoseconds
 from kalmanhdl.schedule.placement import pace, step_of
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence
+from kalmanhdl.schedule.sharing import Unit, core
+from kalmanhdl.schedule.storage import ports
 from kalmanhdl.target.device import Device
 
 
@@ -39,7 +41,9 @@ class Row:
 class Summary:
     """A plan in numbers.
 
-    ``units`` counts the operators of each kind, ``busy[cycle]`` the operations of each kind that start
+    ``units`` counts the operators of each kind; ``turns`` how many operations of a kind take turns on those
+    that are shared, which no interval below ``operator_bound_cycles`` allows. ``memory_bits`` keep their
+    operands. ``busy[cycle]`` the operations of each kind that start
     in a cycle. ``register_bits`` are held between operators, ``operator_register_bits`` inside them, as
     wide as their results. ``loop`` names the states whose loop sets the bound, or, where the
     pipeline was made shallower, the period.
@@ -53,11 +57,14 @@ class Summary:
     period_ns: float
     pipelined_period_ns: float
     shallower: bool
+    operator_bound_cycles: int
     units: dict[str, int]
+    turns: dict[str, int]
     busy: tuple[dict[str, int], ...]
     multiplier_blocks: int
     register_bits: int
     operator_register_bits: int
+    memory_bits: int
     loop: tuple[str, ...]
     rows: tuple[Row, ...]
 
@@ -78,13 +85,39 @@ def summarise(plan: Plan, device: Device) -> Summary:
         period_ns=plan.period_ns,
         pipelined_period_ns=plan.pipelined_period_ns,
         shallower=plan.shallower,
-        units=_sorted(Counter(row.kind for row in rows)),
+        operator_bound_cycles=plan.sharing.bound,
+        units=_sorted(_units(plan, rows)),
+        turns={kind: len(who) for kind, who in sorted(plan.sharing.operations.items())},
         busy=tuple(map(_sorted, busy)),
-        multiplier_blocks=sum(library[index].blocks for index in plan.on_multiplier_block),
-        register_bits=held_bits(plan.typed, plan.start, ends),
+        multiplier_blocks=sum(library[index].blocks for index in _built(plan) & plan.on_multiplier_block),
+        register_bits=held_bits(plan.typed, plan.start, ends, plan.interval if plan.units else 1),
         operator_register_bits=sum(held * width for held, width in zip(plan.registers, bits, strict=True)),
+        memory_bits=sum(_memory_bits(plan, unit) for unit in plan.units),
         loop=_critical_loop(plan, device),
         rows=rows,
+    )
+
+
+def _units(plan: Plan, rows: tuple[Row, ...]) -> Counter[str]:
+    """Operators by kind: one for every operation that takes no turns, and the shared ones."""
+    built = {f"%{index}" for index in _built(plan)}
+    shared = {f"%{index}" for unit in plan.units for index in unit.operations}
+    found = Counter(row.kind for row in rows if row.label in built - shared)
+    return found + Counter(plan.sharing.counts)
+
+
+def _built(plan: Plan) -> frozenset[int]:
+    """An operation for every operator: of those that take turns the first."""
+    waiting = {index for unit in plan.units for index in unit.operations[1:]}
+    return frozenset(range(len(plan.start))) - waiting
+
+
+def _memory_bits(plan: Plan, unit: Unit) -> int:
+    operands = core(plan.typed, unit.kind, plan.sharing.operations[unit.kind]).operands
+    return sum(
+        file.slots * file.turns * operand.form.width
+        for port, operand in zip(ports(plan, unit), operands, strict=True)
+        for file in port.files
     )
 
 
