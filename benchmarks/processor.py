@@ -16,6 +16,8 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "processor"))
 from conftest import CORES
 from random_programs import every_instruction, number, random_peripherals, random_program
 
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.peripherals import BenchSink, BenchSource
 from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
 from kalmanhdl.processor.simulator import Machine
@@ -23,6 +25,7 @@ from kalmanhdl.processor.verification import compare
 from kalmanhdl.processor.verilog import core_verilog
 
 SLICE = 2000
+ALL = {**CORES, "32 bits": Core(form=Fixed(width=32, fraction=24), program_words=256)}
 
 
 def main() -> None:
@@ -30,8 +33,8 @@ def main() -> None:
     parser.add_argument("--operands", type=int, default=100_000)
     parser.add_argument("--programs", type=int, default=10_000)
     asked = parser.parse_args()
-    share = len(CORES)
-    for index, (name, core) in enumerate(CORES.items()):
+    share = len(ALL)
+    for index, (name, core) in enumerate(ALL.items()):
         with RtlSimulation(core, core_verilog(core)) as rtl:
             machine = Machine(core, BenchSource(()), BenchSink())
             begin, rng = time.perf_counter(), random.Random(index)

@@ -115,7 +115,7 @@ def _core(
             valid = ", ".join(each.value for each in kind)
             raise typer.BadParameter(f"{value!r}: one of {valid}", param_hint=name)
     form = Fixed(width=width, fraction=fraction)
-    return Core(form=form, rounding=Rounding(rounding), overflow=Overflow(overflow))
+    return Core(form=form, rounding=Rounding(rounding), overflow=Overflow(overflow), extended=True)
 
 
 def _address(text: str, program: "Program") -> int:

@@ -9,8 +9,14 @@ from kalmanhdl.processor.verilog import core_verilog
 
 CORES = {
     "paper": PAPER_CORE,
-    "16 bits": Core(form=Fixed(width=16, fraction=9), rounding=Rounding.TOWARD_ZERO, matrices=32),
-    "32 bits": Core(form=Fixed(width=32, fraction=24), overflow=Overflow.SATURATE, program_words=256),
+    "extended": Core(form=Fixed(width=16, fraction=9), matrices=32, program_words=256, extended=True),
+    "2 by 2": Core(
+        form=Fixed(width=12, fraction=12),
+        rounding=Rounding.TOWARD_ZERO,
+        overflow=Overflow.WRAP,
+        size=2,
+        extended=True,
+    ),
 }
 
 

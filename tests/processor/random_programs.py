@@ -1,11 +1,8 @@
 """Programs, operands and peripherals drawn at random."""
 
-from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.core import LOOPS, Core
 from kalmanhdl.processor.instructions import OPERATIONS, Kind, Opcode, build, encode
 from kalmanhdl.processor.rtl_simulation import Peripherals
-
-JUMPS = (Opcode.JUMP_U, Opcode.JUMP_DRDY, Opcode.JUMP_ACK)
-ARITHMETIC = (Opcode.ADD_33, Opcode.MULT_31, Opcode.MULT_33, Opcode.DET_33, Opcode.MULT_3S)
 
 
 def number(rng, core):
@@ -24,27 +21,76 @@ def every_instruction(core: Core) -> list[int]:
     """Reads two matrices, does all arithmetic on them, writes one element, and begins again."""
     a, b, c = 0, core.matrices // 2, core.matrices - 1
     program = [build(Opcode.READ, element, matrix) for matrix in (a, b) for element in range(core.elements)]
-    for opcode in ARITHMETIC:
-        sources = (a, b)[: len(OPERATIONS[opcode.name].operands) - 1]
-        program.append(build(opcode, *sources, c))
-    program += [build(Opcode.WRITE, c, 4), build(Opcode.NOP), build(Opcode.JUMP_U, 0)]
+    for operation in OPERATIONS.values():
+        if core.has(operation.opcode) and operation.operands[-1:] == (DESTINATION,):
+            program += _arithmetic(operation, core, a, b, c)
+    program += [build(Opcode.WRITE, c, core.elements - 1), build(Opcode.NOP), build(Opcode.JUMP_U, 0)]
     return [encode(instruction) for instruction in program]
 
 
+DESTINATION = OPERATIONS["ADD_33"].operands[-1]
+
+
+def _arithmetic(operation, core, a, b, c):
+    """An instruction with all that its operands can be, but matrices."""
+    kinds = [operand.kind for operand in operation.operands]
+    match kinds:
+        case [Kind.MATRIX, Kind.MATRIX, Kind.MATRIX]:
+            return [build(operation.opcode, a, b, c)]
+        case [Kind.MATRIX, Kind.MATRIX]:
+            return [build(operation.opcode, a, c)]
+        case [Kind.MATRIX, kind, Kind.MATRIX]:
+            return [build(operation.opcode, a, each, c) for each in core.allowed(kind)]
+        case _:
+            return []
+
+
 def random_program(rng, core: Core, length: int) -> list[int]:
-    """Any instructions, on a few matrices; jumps within the program."""
+    """Any instructions, on a few matrices; jumps within the program, and loops in loops."""
     matrices = [rng.randrange(core.matrices) for _ in range(5)]
-    limits = {Kind.ELEMENT: core.elements, Kind.TARGET: length}
-    names = list(OPERATIONS)
+    halts = rng.random() < 0.1
+    choices = [
+        operation
+        for operation in OPERATIONS.values()
+        if core.has(operation.opcode)
+        and operation.opcode not in (Opcode.LOOP, Opcode.NEXT)
+        and (halts or operation.opcode is not Opcode.HALT)
+    ]
+    body, inside = [], []
+    _fill(rng, core, choices, length, (), body, inside)
     words = []
-    for _ in range(length):
-        operation = OPERATIONS[rng.choice(names)]
-        operands = (
-            rng.choice(matrices) if operand.kind is Kind.MATRIX else rng.randrange(limits[operand.kind])
-            for operand in operation.operands
-        )
+    for operation, place in zip(body, inside, strict=True):
+        operands = []
+        for operand in operation.operands:
+            if operand.kind is Kind.MATRIX:
+                operands.append(rng.choice(matrices))
+            elif operand.kind is Kind.COUNT:
+                operands.append(rng.randint(1, 4))
+            elif operation.opcode is Opcode.NEXT:
+                operands.append(place[-1])
+            elif operand.kind is Kind.TARGET:
+                operands.append(rng.choice([k for k, other in enumerate(inside) if other == place]))
+            else:
+                operands.append(rng.choice(core.allowed(operand.kind)))
         words.append(encode(build(operation.opcode, *operands)))
     return words
+
+
+def _fill(rng, core, choices, length, place, body, inside):
+    """Operations of so many words; ``place``: the starts of the loops that they stand in."""
+    end = len(body) + length
+    while len(body) < end:
+        room = end - len(body)
+        if core.extended and room >= 3 and len(place) < LOOPS and rng.random() < 0.08:
+            body.append(OPERATIONS["LOOP"])
+            inside.append(place)
+            inner = (*place, len(body))
+            _fill(rng, core, choices, rng.randint(1, room - 2), inner, body, inside)
+            body.append(OPERATIONS["NEXT"])
+            inside.append(inner)
+        else:
+            body.append(rng.choice(choices))
+            inside.append(place)
 
 
 def random_peripherals(rng, core: Core, count: int) -> Peripherals:

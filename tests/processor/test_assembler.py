@@ -139,8 +139,36 @@ def test_what_does_not_fit_the_stores_is_refused():
         checked((0, encode(decode(0xA0100000))), small)
 
 
+EXTENDED = Core(form=Fixed(width=16, fraction=9), extended=True)
+WRONG_LOOPS = {
+    "NOP\nL: NEXT L": "p, line 2, column 4: NEXT: there is no LOOP that it could end",
+    "LOOP 2\nNOP": "p, line 1, column 1: LOOP: no NEXT ends it",
+    "LOOP 2\nNOP\nL: NEXT L": "p, line 3, column 4: NEXT: goes to 2, and its loop begins at 1",
+    "LOOP 2\nL: NOP\nJUMP_U E\nNEXT L\nE: NOP": "p, line 3, column 1: JUMP_U: 4 lies across a loop's border",
+    "LOOP 0": "p, line 1, column 6: count 0 is outside 1 to 511",
+    "SCALE 0 6 0": "p, line 1, column 9: exponent 6 is outside -9 to 5",
+    "LOOP 2\nA: LOOP 2\nB: LOOP 2\nC: LOOP 2\nD: LOOP 2\nE: NEXT E": "p, line 5, column 4: "
+    "LOOP: the stack of loops holds 4: put fewer into each other",
+}
+
+
+@pytest.mark.parametrize("source", WRONG_LOOPS)
+def test_a_wrong_loop_is_refused_before_it_runs(source):
+    with pytest.raises(ProgramError) as caught:
+        assemble(source, EXTENDED, "p")
+    assert str(caught.value) == WRONG_LOOPS[source]
+
+
+def test_a_core_says_which_instructions_it_lacks():
+    with pytest.raises(ProgramError, match="line 1, column 1: SUB_33: the core has the paper's instructions"):
+        assemble("SUB_33 0 0 0", PAPER_CORE)
+    with pytest.raises(ProgramError, match="DET_33: it is for matrices of 3 by 3, and the core's are 2 by 2"):
+        assemble("DET_33 0 0", Core(form=Fixed(width=8, fraction=0), size=2, extended=True))
+
+
 WRONG_WORDS = {
-    0x08000000: "address 0: word 0x08000000: there is no instruction with the opcode 0x01",
+    0xF8000000: "address 0: word 0xF8000000: there is no instruction with the opcode 0x1F",
+    0x08000000: "address 0: HALT: the core has the paper's instructions alone: take an extended one",
     0x00000001: "address 0: word 0x00000001: NOP has no argument 3, yet it is 1: it must be zero",
     0x80001201: "address 0: READ: element is 9: a matrix has the elements 0 to 8",
 }

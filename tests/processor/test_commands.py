@@ -10,10 +10,10 @@ from kalmanhdl.cli import app
 HERE = Path(__file__).parent
 SUMS = """
 .text
-LOOP: READ   0 X
+TURN: READ   0 X
       ADD_33 X SUM SUM
       WRITE  SUM 0
-      JUMP_U LOOP
+      JUMP_U TURN
 .data
 X:
 SUM:
@@ -53,10 +53,10 @@ def test_exec_runs_to_the_end_of_its_input(sums):
 
 
 def test_exec_traces_stops_and_dumps(sums):
-    options = ("--input", sums / "numbers.txt", "--trace", "--until", "LOOP", "--dump")
+    options = ("--input", sums / "numbers.txt", "--trace", "--until", "TURN", "--dump")
     _, out, said = call("exec", sums / "sums.asm", *options)
     lines = out.splitlines()
-    assert lines[0].split() == ["8", "0", "LOOP:", "READ", "0", "0", "0[0]", "=", "1.5"]
+    assert lines[0].split() == ["8", "0", "TURN:", "READ", "0", "0", "0[0]", "=", "1.5"]
     assert lines[4:6] == ["X (0)", "  1.5  0.0  0.0"]
     assert said.strip() == "stopped at address 0: 4 instructions, 32 clocks"
 
@@ -64,7 +64,7 @@ def test_exec_traces_stops_and_dumps(sums):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--until", "LOP"), "--until LOP: the program has no such label or address: did you mean 'LOOP'?"),
+        (("--until", "TRN"), "--until TRN: the program has no such label or address: did you mean 'TURN'?"),
         (
             ("--width", "40"),
             "core: fixed(40, fraction=16): the words of a core are signed and have 8 to 32 bits",
@@ -87,9 +87,9 @@ def test_numbers_that_are_none_or_do_not_fit_are_refused(sums):
 
 
 def test_an_image_that_cannot_run_is_refused_by_address(sums):
-    (sums / "bad.hex").write_text("00000000\n08000000\n")
+    (sums / "bad.hex").write_text("00000000\nF8000000\n")
     code, _, said = call("exec", sums / "bad.hex")
     assert code == 1
     assert said.strip().endswith(
-        "bad.hex: address 1: word 0x08000000: there is no instruction with the opcode 0x01"
+        "bad.hex: address 1: word 0xF8000000: there is no instruction with the opcode 0x1F"
     )

@@ -20,8 +20,8 @@ def machine(core):
 
 def test_every_instruction_on_random_operands(core, rtl, machine):
     rng, words = random.Random(1), every_instruction(core)
-    tokens = [number(rng, core) for _ in range(2 * core.elements * 500)]
-    assert compare(core, rtl, machine, words, Peripherals(tokens=tokens), len(words) * 500)
+    tokens = [number(rng, core) for _ in range(2 * core.elements * 300)]
+    assert compare(core, rtl, machine, words, Peripherals(tokens=tokens), len(words) * 300)
 
 
 def test_random_programs_with_branches_and_peripherals_of_random_latency(core, rtl, machine):
@@ -43,7 +43,7 @@ def test_an_instruction_takes_eight_clocks_and_loading_one_a_word_and_one_more(c
 
 
 def test_the_first_difference_is_named(core, rtl, machine):
-    words = [encode(build(Opcode.READ, 4, 3)), encode(build(Opcode.ADD_33, 3, 3, 5))]
+    words = [encode(build(Opcode.READ, 3, 3)), encode(build(Opcode.ADD_33, 3, 3, 5))]
     compare(core, rtl, machine, words, Peripherals(tokens=[3]), 2)
     machine.data[3][0] = 1
     with pytest.raises(VerificationError, match=r"instruction 1, ADD_33 .*values written is \[0, 0"):

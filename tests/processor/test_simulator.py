@@ -10,12 +10,12 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.arithmetic import compute
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.core import PAPER_CORE, Core
-from kalmanhdl.processor.instructions import Opcode
+from kalmanhdl.processor.instructions import Instruction, Opcode, build
 from kalmanhdl.processor.peripherals import BenchSink, BenchSource, HandshakingSink, HandshakingSource
 from kalmanhdl.processor.simulator import Machine, run
 from kalmanhdl.processor.trace import dump, trace_line
 
-CORE = Core(form=Fixed(width=16, fraction=8))
+CORE = Core(form=Fixed(width=16, fraction=8), extended=True)
 RAW = st.integers(CORE.form.lowest, CORE.form.highest)
 MATRIX = st.lists(RAW, min_size=9, max_size=9)
 
@@ -28,6 +28,14 @@ def by_numpy(opcode, a, b):
             return A + B
         case Opcode.MULT_33:
             return A @ B
+        case Opcode.SUB_33:
+            return A - B
+        case Opcode.MULT_33T:
+            return A @ B.T
+        case Opcode.TRANS_33:
+            return A.T
+        case Opcode.COPY:
+            return A
         case Opcode.MULT_31:
             return A @ B[0]
         case Opcode.MULT_3S:
@@ -38,18 +46,60 @@ def by_numpy(opcode, a, b):
             return np.array(sum(minors) - sum(others))
 
 
-@settings(max_examples=300)
-@given(
-    st.sampled_from([Opcode.ADD_33, Opcode.MULT_33, Opcode.MULT_31, Opcode.MULT_3S, Opcode.DET_33]),
-    MATRIX,
-    MATRIX,
-)
+EXACT = ["ADD_33", "SUB_33", "MULT_33", "MULT_33T", "MULT_31", "MULT_3S", "DET_33", "TRANS_33", "COPY"]
+
+
+@settings(max_examples=500)
+@given(st.sampled_from([Opcode[name] for name in EXACT]), MATRIX, MATRIX)
 def test_an_element_is_exact_and_then_rounded_and_clamped_once(opcode, a, b):
-    values, outside = compute(opcode, a, b, CORE)
+    values, outside = compute(Instruction(opcode), a, b, CORE)
     reals = by_numpy(opcode, a, b).ravel()
     assert values == [CORE.form.nearest(Fraction(real)) for real in reals]
     limits = [CORE.form.lowest <= round(Fraction(real) * 256) <= CORE.form.highest for real in reals]
     assert outside == (not all(limits))
+
+
+@given(st.integers(-8, 6), MATRIX)
+def test_a_power_of_two_scales_exactly_and_is_rounded_once(exponent, a):
+    values, _ = compute(build(Opcode.SCALE, 0, exponent, 0), a, a, CORE)
+    assert values == [CORE.form.nearest(CORE.form.real(raw) * Fraction(2) ** exponent) for raw in a]
+
+
+@given(MATRIX)
+def test_the_adjugate_times_the_matrix_is_the_determinant(a):
+    small = [raw >> 11 for raw in a]
+    core = Core(form=Fixed(width=32, fraction=0), extended=True)
+    adjugate, _ = compute(Instruction(Opcode.ADJ_33), small, small, core)
+    determinant, _ = compute(Instruction(Opcode.DET_33), small, small, core)
+    product, _ = compute(Instruction(Opcode.MULT_33), small, adjugate, core)
+    assert product == [determinant[0] if k % 4 == 0 else 0 for k in range(9)]
+
+
+@given(RAW)
+def test_a_reciprocal_is_right_to_the_last_bit(raw):
+    values, outside = compute(Instruction(Opcode.RECIP), [raw] * 9, [], CORE)
+    if raw <= 0:
+        assert (values, outside) == ([CORE.form.highest], True)
+    else:
+        exact = Fraction(2) ** 16 / raw
+        assert abs(values[0] - min(exact, CORE.form.highest)) <= 1
+        assert outside == (round(exact) > CORE.form.highest)
+
+
+def test_loops_in_loops_are_passed_as_often_as_they_say():
+    made = machine("LOOP 3\nA: ADD_33 0 1 0\nLOOP 2\nB: ADD_33 2 1 2\nNEXT B\nNEXT A\nHALT", ())
+    made.data[1][0] = 1
+    done = run(made, 100)
+    assert (done.reason, done.instructions) == ("halted at address 6", 1 + 3 * (3 + 2 * 2))
+    assert (made.data[0][0], made.data[2][0]) == (3, 6)
+
+
+def test_elements_are_picked_and_placed():
+    made = machine("PICK 1 5 2\nPLACE 2 7 3\nHALT", ())
+    made.data[1] = list(range(9))
+    run(made, 3)
+    assert made.data[2] == [5] + [0] * 8
+    assert made.data[3] == [0] * 7 + [5, 0]
 
 
 def machine(source, tokens, core=CORE, **peripherals):

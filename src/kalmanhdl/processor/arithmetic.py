@@ -3,52 +3,102 @@
 from collections.abc import Sequence
 from operator import mul
 
+from kalmanhdl.arithmetic.division import reciprocal
 from kalmanhdl.arithmetic.fixed import quantise
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import Opcode
+from kalmanhdl.processor.instructions import Instruction, Opcode
 
 Matrix = Sequence[int]
 """The raw elements of a matrix, row after row."""
 
+MINORS = tuple(
+    (
+        (i + 1) % 3 * 3 + (j + 1) % 3,
+        (i + 2) % 3 * 3 + (j + 2) % 3,
+        (i + 1) % 3 * 3 + (j + 2) % 3,
+        (i + 2) % 3 * 3 + (j + 1) % 3,
+    )
+    for i in range(3)
+    for j in range(3)
+)
+"""The elements of every cofactor of a 3 by 3 matrix: first times second less third times fourth."""
 
-def exact(opcode: Opcode, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], int]:
-    """The exact elements that an instruction writes, and by how many times the format's fraction they have.
 
-    A vector stands in the first row: its elements are 0 to N - 1. A number is element 0.
+def compute(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], bool]:
+    """The raw elements that an instruction writes, and whether any of them did not fit.
+
+    ``a`` and ``b`` are the matrices at its first and second argument. A vector stands in the first row: its
+    elements are 0 to N - 1. A number is element 0.
     """
-    n = core.size
-    match opcode:
-        case Opcode.ADD_33:
-            return [x + y for x, y in zip(a, b, strict=True)], 1
-        case Opcode.MULT_31:
-            return [_dot(a[i : i + n], b[:n]) for i in range(0, n * n, n)], 2
-        case Opcode.MULT_33:
-            columns = [b[j::n] for j in range(n)]
-            return [_dot(a[i : i + n], column) for i in range(0, n * n, n) for column in columns], 2
-        case Opcode.MULT_3S:
-            return [x * b[0] for x in a], 2
-        case Opcode.DET_33:
-            return [_determinant(a)], 3
-        case _:
-            raise AssertionError(opcode)
-
-
-def compute(opcode: Opcode, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], bool]:
-    """The raw elements that an instruction writes, and whether any of them did not fit."""
-    values, times = exact(opcode, a, b, core)
+    if instruction.opcode is Opcode.RECIP:
+        # The divisors of a filter are variances: of what is not positive the result is that of zero.
+        form = core.form
+        value, outside = reciprocal(max(a[0], 0), form.fraction, form, core.rounding, core.division)
+        return [value], outside
+    moved = _moved(instruction, a, core)
+    if moved is not None:
+        return moved, False
+    values, times = _exact(instruction, a, b, core)
     fraction = times * core.form.fraction
     found = [quantise(value, fraction, core.form, core.rounding, core.overflow) for value in values]
     return [raw for raw, _ in found], any(outside for _, outside in found)
+
+
+def _moved(instruction: Instruction, a: Matrix, core: Core) -> list[int] | None:
+    """The result of an instruction that only moves elements; None for the others."""
+    match instruction.opcode:
+        case Opcode.COPY:
+            return list(a)
+        case Opcode.TRANS_33:
+            return _transposed(a, core.size)
+        case Opcode.PICK:
+            return [a[instruction.arguments[1]]]
+        case Opcode.PLACE:
+            return [a[0]]
+        case _:
+            return None
+
+
+def _exact(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], int]:
+    """The exact elements of a result, and by how many times the format's fraction they have."""
+    n = core.size
+    match instruction.opcode:
+        case Opcode.ADD_33:
+            return [x + y for x, y in zip(a, b, strict=True)], 1
+        case Opcode.SUB_33:
+            return [x - y for x, y in zip(a, b, strict=True)], 1
+        case Opcode.MULT_31:
+            return [_dot(a[i : i + n], b[:n]) for i in range(0, n * n, n)], 2
+        case Opcode.MULT_33:
+            return _product(a, b, n), 2
+        case Opcode.MULT_33T:
+            return _product(a, _transposed(b, n), n), 2
+        case Opcode.MULT_3S:
+            return [x * b[0] for x in a], 2
+        case Opcode.SCALE:
+            _, exponent, _ = instruction.operands
+            return [x << core.form.fraction + exponent for x in a], 2
+        case Opcode.ADJ_33:
+            return _transposed([_cofactor(a, element) for element in range(9)], n), 2
+        case Opcode.DET_33:
+            return [sum(a[element] * _cofactor(a, element) for element in range(3))], 3
+        case _:
+            raise AssertionError(instruction)
+
+
+def _product(a: Matrix, b: Matrix, n: int) -> list[int]:
+    columns = [b[j::n] for j in range(n)]
+    return [_dot(a[i : i + n], column) for i in range(0, n * n, n) for column in columns]
 
 
 def _dot(a: Matrix, b: Matrix) -> int:
     return sum(map(mul, a, b))
 
 
-def _determinant(a: Matrix) -> int:
-    """Of a 3 by 3 matrix, as bhatia2012 has it (section 2.1, KF ALU)."""
-    return sum(a[e] * (a[p] * a[q] - a[r] * a[s]) for e, p, q, r, s in _MINORS)
+def _transposed(a: Matrix, n: int) -> list[int]:
+    return [x for j in range(n) for x in a[j::n]]
 
 
-_MINORS = ((0, 4, 8, 7, 5), (1, 5, 6, 8, 3), (2, 3, 7, 6, 4))
-"""Element, and the elements of the two products whose difference is its cofactor."""
+def _cofactor(a: Matrix, element: int) -> int:
+    p, q, r, s = MINORS[element]
+    return a[p] * a[q] - a[r] * a[s]

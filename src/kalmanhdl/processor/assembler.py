@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NoReturn
 
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.core import Core, checked, missing
 from kalmanhdl.processor.instructions import OPERATIONS, WORD_BITS, Kind, Operation, build, encode
 from kalmanhdl.processor.program import Program
 from kalmanhdl.validation import nearest, shown
@@ -25,7 +25,7 @@ RAW_WORD = ".word"
 
 _TOKEN = re.compile(r"[^\s,]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
-_NUMBER = re.compile(r"(0[xX][0-9A-Fa-f]{1,16}|[0-9]{1,16})\Z")
+_NUMBER = re.compile(r"-?(0[xX][0-9A-Fa-f]{1,16}|[0-9]{1,16})\Z")
 _COMMENT = "--"
 
 
@@ -76,6 +76,7 @@ def assemble(source: str, core: Core, name: str = "source") -> Program:
     if not assembly.statements:
         raise ProgramError(f"{name}: there is no instruction: write at least one below .text")
     words = tuple(_word(statement, assembly) for statement in assembly.statements)
+    _check_loops(words, assembly)
     return Program(
         words=words,
         lines=tuple(statement.head.line for statement in assembly.statements),
@@ -83,6 +84,18 @@ def assemble(source: str, core: Core, name: str = "source") -> Program:
         labels=assembly.labels,
         matrices=assembly.matrices,
     )
+
+
+def _check_loops(words: tuple[int, ...], assembly: _Assembly) -> None:
+    """What ``checked`` says of loops, with the line. Words given as they are may be none of the core's."""
+    heads = [statement.head for statement in assembly.statements]
+    if any(head.text == RAW_WORD for head in heads):
+        return
+    try:
+        checked(words, assembly.core)
+    except ProgramError as error:
+        place, _, problem = str(error).partition(": ")
+        assembly.refuse(heads[int(place.removeprefix("address "))], problem)
 
 
 def _tokens(source: str) -> Iterator[list[_Token]]:
@@ -162,6 +175,8 @@ def _word(statement: _Statement, assembly: _Assembly) -> int:
     operation = OPERATIONS.get(ALIASES.get(head.text, head.text))
     if operation is None:
         assembly.refuse(head, f"unknown instruction {shown(head.text)}: {nearest(head.text, OPERATIONS)}")
+    if not assembly.core.has(operation.opcode):
+        assembly.refuse(head, f"{operation.opcode.name}: {missing(assembly.core)}")
     wanted = operation.operands
     if len(operands) != len(wanted):
         place = operands[len(wanted)] if len(operands) > len(wanted) else head
@@ -179,18 +194,20 @@ def _raw_word(statement: _Statement, assembly: _Assembly) -> int:
     if len(statement.operands) != 1:
         assembly.refuse(statement.head, f"{RAW_WORD} has one operand, a word such as 0x80000000")
     token = statement.operands[0]
-    if not _NUMBER.match(token.text) or int(token.text, 0) >> WORD_BITS:
+    if not _NUMBER.match(token.text) or _number(token) >> WORD_BITS:
         assembly.refuse(token, f"{shown(token.text)} is no word: write a number of {WORD_BITS} bits")
-    return int(token.text, 0)
+    return _number(token)
+
+
+def _number(token: _Token) -> int:
+    return int(token.text, 16 if "x" in token.text.lower() else 10)
 
 
 def _value(token: _Token, kind: Kind, assembly: _Assembly) -> int:
     if _NUMBER.match(token.text):
-        digits = token.text
-        value = int(digits, 16) if digits[:2] in ("0x", "0X") else int(digits)
-        limit = assembly.core.limit(kind)
-        if value >= limit:
-            assembly.refuse(token, f"{kind.value} {value} is outside 0 to {limit - 1}")
+        value, allowed = _number(token), assembly.core.allowed(kind)
+        if value not in allowed:
+            assembly.refuse(token, f"{kind.value} {value} is outside {allowed.start} to {allowed.stop - 1}")
         return value
     return _named(token, kind, assembly)
 
@@ -201,9 +218,10 @@ def _named(token: _Token, kind: Kind, assembly: _Assembly) -> int:
             names, others, section = assembly.matrices, assembly.labels, _Section.DATA
         case Kind.TARGET:
             names, others, section = assembly.labels, assembly.matrices, _Section.TEXT
-        case Kind.ELEMENT:
-            last = assembly.core.elements - 1
-            assembly.refuse(token, f"{shown(token.text)} is no element: write 0 to {last}")
+        case Kind.ELEMENT | Kind.COUNT | Kind.EXPONENT:
+            allowed = assembly.core.allowed(kind)
+            rule = f"write {allowed.start} to {allowed.stop - 1}"
+            assembly.refuse(token, f"{shown(token.text)} is no {kind.value}: {rule}")
     if token.text in others:
         assembly.refuse(token, f"{token.text} is no {kind.value}: what is one is defined in {section.value}")
     if token.text not in names:
@@ -212,6 +230,6 @@ def _named(token: _Token, kind: Kind, assembly: _Assembly) -> int:
             f"undefined {kind.value} {shown(token.text)}: define it in {section.value}; "
             f"{nearest(token.text, names)}",
         )
-    if names[token.text] >= assembly.core.limit(kind):
+    if names[token.text] not in assembly.core.allowed(kind):
         assembly.refuse(token, f"{token.text} stands behind the last word of the control store")
     return names[token.text]

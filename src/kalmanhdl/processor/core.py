@@ -2,15 +2,24 @@
 
 from dataclasses import dataclass
 
+from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.instructions import ARGUMENT_BITS, Instruction, Kind, Opcode, decode
+from kalmanhdl.processor.instructions import ARGUMENT_BITS, EXTENSION, Instruction, Kind, Opcode, decode
 
 CLOCKS_PER_INSTRUCTION = 8
 """First fetch, second fetch, execute, write back: two clocks each (bhatia2012, figure 17)."""
 
 _MOST_ADDRESSES = 1 << ARGUMENT_BITS
 _NARROWEST, _WIDEST = 8, 32
+_LARGEST = 16
+_INDEX_BITS = 7
+
+LOOPS = 4
+"""Loops that may stand in each other."""
+
+_ADDED = {operation.opcode for operation in EXTENSION}
+_OF_THREE = {Opcode.DET_33, Opcode.ADJ_33}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +27,8 @@ class Core:
     """One core: N by N matrices of one fixed-point format, and the sizes of its stores.
 
     Every element of a result is computed exactly and brought into the format once, with this rounding and
-    overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store.
+    overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store. An
+    ``extended`` core has more instructions than the paper's eleven.
 
     Raises ProgramError for parameters outside what the words of an instruction can address.
     """
@@ -28,8 +38,12 @@ class Core:
     overflow: Overflow = Overflow.SATURATE
     matrices: int = 512
     program_words: int = 512
+    size: int = 3
+    extended: bool = False
 
     def __post_init__(self) -> None:
+        if not 2 <= self.size <= _LARGEST:
+            raise ProgramError(f"core: size = {self.size}: matrices are 2 by 2 to {_LARGEST} by {_LARGEST}")
         if not (self.form.signed and _NARROWEST <= self.form.width <= _WIDEST):
             raise ProgramError(
                 f"core: {self.form}: the words of a core are signed and have {_NARROWEST} to {_WIDEST} bits"
@@ -44,9 +58,17 @@ class Core:
                 )
 
     @property
-    def size(self) -> int:
-        """N: matrices are N by N."""
-        return 3
+    def division(self) -> TableNewton:
+        """How RECIP finds its result: exact to the last bits of a word."""
+        iterations = 0
+        while (_INDEX_BITS + 2) << iterations < self.form.width + 2:
+            iterations += 1
+        return TableNewton(index_bits=_INDEX_BITS, iterations=iterations)
+
+    @property
+    def exponents(self) -> range:
+        """What SCALE can shift by: two to this power is a number of the format."""
+        return range(-self.form.fraction, self.form.width - 1 - self.form.fraction)
 
     @property
     def elements(self) -> int:
@@ -63,15 +85,23 @@ class Core:
         """Bits of a program address that count."""
         return (self.program_words - 1).bit_length()
 
-    def limit(self, kind: Kind) -> int:
-        """The number below which an operand of a kind must lie."""
+    def has(self, opcode: Opcode) -> bool:
+        """Whether it has an instruction."""
+        return (self.extended or opcode not in _ADDED) and (self.size == 3 or opcode not in _OF_THREE)
+
+    def allowed(self, kind: Kind) -> range:
+        """What an operand of a kind may be."""
         match kind:
             case Kind.MATRIX:
-                return self.matrices
+                return range(self.matrices)
             case Kind.ELEMENT:
-                return self.elements
+                return range(self.elements)
             case Kind.TARGET:
-                return self.program_words
+                return range(self.program_words)
+            case Kind.COUNT:
+                return range(1, _MOST_ADDRESSES)
+            case Kind.EXPONENT:
+                return self.exponents
 
 
 PAPER_CORE = Core(form=Fixed(width=8, fraction=4), rounding=Rounding.FLOOR, overflow=Overflow.WRAP)
@@ -88,7 +118,9 @@ def checked(words: tuple[int, ...], core: Core) -> tuple[Instruction, ...]:
         raise ProgramError(
             f"the program has {len(words)} words and the control store {core.program_words}: shorten it"
         )
-    return tuple(_checked(address, word, core) for address, word in enumerate(words))
+    instructions = tuple(_checked(address, word, core) for address, word in enumerate(words))
+    _check_loops(instructions)
+    return instructions
 
 
 def _checked(address: int, word: int, core: Core) -> Instruction:
@@ -96,34 +128,92 @@ def _checked(address: int, word: int, core: Core) -> Instruction:
         instruction = decode(word)
     except ProgramError as error:
         raise ProgramError(f"address {address}: {error}") from None
+    name = instruction.opcode.name
+    if not core.has(instruction.opcode):
+        raise ProgramError(f"address {address}: {name}: {missing(core)}")
     for operand, value in zip(instruction.operation.operands, instruction.operands, strict=True):
-        limit = core.limit(operand.kind)
-        if value >= limit:
+        allowed = core.allowed(operand.kind)
+        if value not in allowed:
             raise ProgramError(
-                f"address {address}: {instruction.opcode.name}: {operand.name} is {value}: "
-                f"{_rule(operand.kind, limit)}"
+                f"address {address}: {name}: {operand.name} is {value}: {_rule(operand.kind, allowed)}"
             )
     return instruction
 
 
-def _rule(kind: Kind, limit: int) -> str:
+def missing(core: Core) -> str:
+    """Why a core lacks an instruction."""
+    if core.extended:
+        return f"it is for matrices of 3 by 3, and the core's are {core.size} by {core.size}"
+    return "the core has the paper's instructions alone: take an extended one"
+
+
+def _rule(kind: Kind, allowed: range) -> str:
+    first, last = allowed.start, allowed.stop - 1
     match kind:
         case Kind.MATRIX:
-            return f"the data store has {limit} matrices, 0 to {limit - 1}"
+            return f"the data store has {allowed.stop} matrices, 0 to {last}"
         case Kind.ELEMENT:
-            return f"a matrix has the elements 0 to {limit - 1}"
+            return f"a matrix has the elements 0 to {last}"
         case Kind.TARGET:
-            return f"the control store has the addresses 0 to {limit - 1}"
+            return f"the control store has the addresses 0 to {last}"
+        case Kind.COUNT:
+            return f"a loop is passed {first} to {last} times"
+        case Kind.EXPONENT:
+            return f"two to its power is a number of the core's format from {first} to {last}"
 
 
-def writes(opcode: Opcode, core: Core) -> range:
-    """The elements of the destination that an arithmetic instruction writes; the others stay."""
-    match opcode:
+def _check_loops(instructions: tuple[Instruction, ...]) -> None:
+    """Every NEXT ends its LOOP, no more are open than the stack holds, and no jump leaves or enters one."""
+    starts: list[int] = []
+    inside: list[tuple[int, ...]] = []
+    for address, instruction in enumerate(instructions):
+        place = f"address {address}: {instruction.opcode.name}"
+        if instruction.opcode is Opcode.NEXT:
+            if not starts:
+                raise ProgramError(f"{place}: there is no LOOP that it could end")
+            if instruction.arguments[0] != starts[-1]:
+                raise ProgramError(
+                    f"{place}: goes to {instruction.arguments[0]}, and its loop begins at {starts[-1]}"
+                )
+        inside.append(tuple(starts))
+        if instruction.opcode is Opcode.NEXT:
+            starts.pop()
+        elif instruction.opcode is Opcode.LOOP:
+            starts.append(address + 1)
+            if len(starts) > LOOPS:
+                raise ProgramError(f"{place}: the stack of loops holds {LOOPS}: put fewer into each other")
+    if starts:
+        raise ProgramError(f"address {starts[-1] - 1}: LOOP: no NEXT ends it")
+    for address, instruction in enumerate(instructions):
+        if instruction.opcode in (Opcode.JUMP_U, Opcode.JUMP_DRDY, Opcode.JUMP_ACK):
+            target = instruction.arguments[0]
+            outside = target < len(inside) and inside[target] != inside[address]
+            if outside or (inside[address] and target >= len(inside)):
+                raise ProgramError(
+                    f"address {address}: {instruction.opcode.name}: {target} lies across a loop's border"
+                )
+
+
+def writes(instruction: Instruction, core: Core) -> range:
+    """The elements of the destination that an instruction writes; the others stay."""
+    match instruction.opcode:
         case Opcode.MULT_31:
             return range(core.size)
-        case Opcode.DET_33:
+        case Opcode.DET_33 | Opcode.RECIP | Opcode.PICK:
             return range(1)
-        case Opcode.ADD_33 | Opcode.MULT_33 | Opcode.MULT_3S:
+        case Opcode.READ | Opcode.PLACE:
+            return range(instruction.arguments[1], instruction.arguments[1] + 1)
+        case (
+            Opcode.ADD_33
+            | Opcode.SUB_33
+            | Opcode.MULT_33
+            | Opcode.MULT_33T
+            | Opcode.MULT_3S
+            | Opcode.TRANS_33
+            | Opcode.COPY
+            | Opcode.SCALE
+            | Opcode.ADJ_33
+        ):
             return range(core.elements)
         case _:
             return range(0)

@@ -2,7 +2,7 @@
 
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.processor.assembler import RAW_WORD
-from kalmanhdl.processor.core import Core, checked
+from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import Instruction, Kind, decode
 
 
@@ -26,7 +26,12 @@ def disassemble(words: tuple[int, ...], core: Core) -> str:
 
 def _instruction(word: int, core: Core) -> Instruction | None:
     try:
-        return checked((word,), core)[0]
+        instruction = decode(word)
+        fits = all(
+            value in core.allowed(operand.kind)
+            for operand, value in zip(instruction.operation.operands, instruction.operands, strict=True)
+        )
+        return instruction if fits and core.has(instruction.opcode) else None
     except ProgramError:
         return None
 

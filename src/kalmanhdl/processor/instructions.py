@@ -15,16 +15,28 @@ ARGUMENTS = 3
 
 
 class Opcode(Enum):
-    """The five bits at the top of a word; the codes are the paper's."""
+    """The five bits at the top of a word; the codes of the paper's instructions are the paper's."""
 
     NOP = 0x00
+    HALT = 0x01
+    LOOP = 0x02
+    NEXT = 0x03
+    COPY = 0x04
+    SCALE = 0x05
+    RECIP = 0x06
+    PICK = 0x07
     ADD_33 = 0x08
     MULT_31 = 0x09
     MULT_33 = 0x0A
     DET_33 = 0x0B
     MULT_3S = 0x0C
+    SUB_33 = 0x0D
+    MULT_33T = 0x0E
+    TRANS_33 = 0x0F
     READ = 0x10
     WRITE = 0x11
+    PLACE = 0x12
+    ADJ_33 = 0x13
     JUMP_U = 0x14
     JUMP_DRDY = 0x15
     JUMP_ACK = 0x16
@@ -36,6 +48,8 @@ class Kind(Enum):
     MATRIX = "matrix"
     ELEMENT = "element"
     TARGET = "program address"
+    COUNT = "count"
+    EXPONENT = "exponent"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +101,26 @@ PAPER: tuple[Operation, ...] = (
 )
 """The eleven instructions of the paper (section 2.3)."""
 
-OPERATIONS: dict[str, Operation] = {operation.opcode.name: operation for operation in PAPER}
+_SOURCE = Operand("source", Kind.MATRIX, 0)
+_ELEMENT = Operand("element", Kind.ELEMENT, 1)
+
+EXTENSION: tuple[Operation, ...] = (
+    Operation(Opcode.HALT, ()),
+    Operation(Opcode.LOOP, (Operand("count", Kind.COUNT, 0),)),
+    Operation(Opcode.NEXT, (Operand("target", Kind.TARGET, 0),)),
+    Operation(Opcode.COPY, (_SOURCE, _DESTINATION)),
+    Operation(Opcode.SCALE, (_SOURCE, Operand("exponent", Kind.EXPONENT, 1), _DESTINATION)),
+    Operation(Opcode.RECIP, (_SOURCE, _DESTINATION)),
+    Operation(Opcode.PICK, (_SOURCE, _ELEMENT, _DESTINATION)),
+    _arithmetic(Opcode.SUB_33),
+    _arithmetic(Opcode.MULT_33T),
+    Operation(Opcode.TRANS_33, (_SOURCE, _DESTINATION)),
+    Operation(Opcode.PLACE, (_SOURCE, _ELEMENT, _DESTINATION)),
+    Operation(Opcode.ADJ_33, (_SOURCE, _DESTINATION)),
+)
+"""What a filter needs beyond them, on opcodes that the paper leaves free."""
+
+OPERATIONS: dict[str, Operation] = {operation.opcode.name: operation for operation in (*PAPER, *EXTENSION)}
 """Every operation by its mnemonic."""
 
 _BY_CODE = {operation.opcode.value: operation for operation in OPERATIONS.values()}
@@ -109,7 +142,13 @@ class Instruction:
     @property
     def operands(self) -> tuple[int, ...]:
         """The arguments that it has, in the order in which they are written."""
-        return tuple(self.arguments[operand.argument] for operand in self.operation.operands)
+        return tuple(_read(self.arguments[each.argument], each.kind) for each in self.operation.operands)
+
+
+def _read(argument: int, kind: Kind) -> int:
+    """An exponent has a sign."""
+    half = 1 << ARGUMENT_BITS - 1
+    return (argument ^ half) - half if kind is Kind.EXPONENT else argument
 
 
 def encode(instruction: Instruction) -> int:
@@ -151,5 +190,5 @@ def build(mnemonic: Opcode, *operands: int) -> Instruction:
     operation = OPERATIONS[mnemonic.name]
     arguments = [0] * ARGUMENTS
     for operand, value in zip(operation.operands, operands, strict=True):
-        arguments[operand.argument] = value
+        arguments[operand.argument] = value & _ARGUMENT_MASK if operand.kind is Kind.EXPONENT else value
     return Instruction(mnemonic, (arguments[0], arguments[1], arguments[2]))

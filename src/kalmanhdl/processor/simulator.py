@@ -50,6 +50,7 @@ class Machine:
     data: list[list[int]] = field(init=False)
     _program: list[Instruction] = field(init=False)
     _waited_for: tuple[bool, bool] = (False, False)
+    _loops: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.data = [[0] * self.core.elements for _ in range(self.core.matrices)]
@@ -65,6 +66,7 @@ class Machine:
         self._program = [*instructions, *[Instruction(Opcode.NOP)] * rest]
         self.clock = self.address = self.data_out = 0
         self.acknowledge = self.ready = self.saturated = False
+        self._loops = []
 
     @property
     def next_instruction(self) -> Instruction:
@@ -96,8 +98,14 @@ class Machine:
         match instruction.opcode:
             case Opcode.NOP:
                 pass
+            case Opcode.HALT:
+                following = self.address
             case Opcode.JUMP_U:
                 following = first
+            case Opcode.LOOP:
+                self._loops.append(first)
+            case Opcode.NEXT:
+                following = first if self._another() else following
             case Opcode.JUMP_DRDY:
                 acknowledge = False
                 following = following if input_ready else first
@@ -117,6 +125,14 @@ class Machine:
         self.acknowledge, self.ready, self.address = acknowledge, ready, following
         return done
 
+    def _another(self) -> bool:
+        """Whether the innermost loop is passed once more; it is left otherwise."""
+        self._loops[-1] -= 1
+        if self._loops[-1]:
+            return True
+        self._loops.pop()
+        return False
+
     def _pass(self, clocks: int) -> None:
         self.source.advance(self.acknowledge, clocks)
         self.sink.advance(self.ready, clocks)
@@ -124,8 +140,10 @@ class Machine:
 
     def _computed(self, at: tuple[int, int], instruction: Instruction) -> Retired:
         first, second, third = instruction.arguments
-        values, outside = compute(instruction.opcode, self.data[first], self.data[second], self.core)
-        elements = writes(instruction.opcode, self.core)
+        # The second argument of some is an element or an exponent.
+        a, b = self.data[first], self.data[second % self.core.matrices]
+        values, outside = compute(instruction, a, b, self.core)
+        elements = writes(instruction, self.core)
         self.data[third][elements.start : elements.stop] = values
         self.saturated |= outside
         return Retired(*at, instruction, third, elements, tuple(values), outside)
@@ -146,7 +164,7 @@ def run(
     stops: frozenset[int] = frozenset(),
     watch: Callable[[Retired], None] = lambda done: None,
 ) -> Run:
-    """Run until the input is exhausted, an address in ``stops`` comes up, or ``most`` instructions are done.
+    """Run until HALT, the end of the input, an address in ``stops``, or for ``most`` instructions.
 
     ``watch`` is called after every instruction.
     """
@@ -155,6 +173,8 @@ def run(
         waiting = machine.next_instruction.opcode in (Opcode.READ, Opcode.JUMP_DRDY)
         if waiting and machine.source.exhausted:
             return Run("the input is exhausted", count, tuple(sent))
+        if machine.next_instruction.opcode is Opcode.HALT:
+            return Run(f"halted at address {machine.address}", count, tuple(sent))
         if machine.address in stops and count:
             return Run(f"stopped at address {machine.address}", count, tuple(sent))
         done = machine.retire()

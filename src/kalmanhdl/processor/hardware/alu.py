@@ -5,10 +5,18 @@ from amaranth.lib import wiring
 from amaranth.lib.data import ArrayLayout
 from amaranth.lib.wiring import In, Out
 
+from kalmanhdl.arithmetic.division_structure import Operand
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.processor.arithmetic import MINORS
 from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.hardware.layouts import matrix_layout
-from kalmanhdl.processor.instructions import OPCODE_BITS, Opcode
+from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Instruction, Opcode
 from kalmanhdl.rtl.quantiser import quantised
+from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
+from kalmanhdl.rtl.shapes import fitted
+
+# From the third clock of an instruction to the seventh.
+_RECIPROCAL_REGISTERS = 4
 
 
 def register(m: Module, name: str, value: Value) -> Value:
@@ -43,38 +51,51 @@ class ProductSums(wiring.Component):
 
 
 class MatrixSum(wiring.Component):
-    """The exact sums of the elements of two matrices, two clocks after them."""
+    """The exact sums of the elements of two matrices, or their differences, a clock after them."""
 
     def __init__(self, core: Core) -> None:
+        self._differences = core.extended
         self.width = core.form.width + 1
         sums = ArrayLayout(signed(self.width), core.elements)
-        super().__init__({"a": In(matrix_layout(core)), "b": In(matrix_layout(core)), "sums": Out(sums)})
+        super().__init__(
+            {"a": In(matrix_layout(core)), "b": In(matrix_layout(core)), "subtract": In(1), "sums": Out(sums)}
+        )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         # The operands stand still while an instruction executes: one register is time enough.
         for element, (a, b) in enumerate(zip(self.a, self.b, strict=True)):
-            m.d.comb += self.sums[element].eq(register(m, f"sum_{element}", a + b))
+            total = Mux(self.subtract, a - b, a + b) if self._differences else a + b
+            m.d.comb += self.sums[element].eq(register(m, f"sum_{element}", total))
         return m
 
 
-class Determinant(wiring.Component):
-    """The exact determinant of a 3 by 3 matrix, four clocks after it."""
+class Cofactors(wiring.Component):
+    """The exact cofactors of a 3 by 3 matrix, two clocks after it, and its determinant after four.
+
+    A core that is not extended needs the first row's alone.
+    """
 
     def __init__(self, core: Core) -> None:
-        self._word = core.form.width
-        self.width = 3 * core.form.width + 3
-        super().__init__({"a": In(matrix_layout(core)), "determinant": Out(signed(self.width))})
+        self._count = 9 if core.extended else 3
+        word = core.form.width
+        cofactors = ArrayLayout(signed(2 * word + 1), self._count)
+        super().__init__(
+            {
+                "a": In(matrix_layout(core)),
+                "cofactors": Out(cofactors),
+                "determinant": Out(signed(3 * word + 3)),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        terms = []
-        for row, minor in enumerate(((4, 8, 7, 5), (5, 6, 8, 3), (3, 7, 6, 4))):
-            p, q, r, s = (self.a[element] for element in minor)
-            left = register(m, f"left_{row}", p * q)
-            right = register(m, f"right_{row}", r * s)
-            cofactor = register(m, f"cofactor_{row}", left - right)
-            terms.append(register(m, f"term_{row}", self.a[row] * cofactor))
+        for element in range(self._count):
+            p, q, r, s = (self.a[k] for k in MINORS[element])
+            left = register(m, f"left_{element}", p * q)
+            right = register(m, f"right_{element}", r * s)
+            m.d.comb += self.cofactors[element].eq(register(m, f"cofactor_{element}", left - right))
+        terms = [register(m, f"term_{k}", self.a[k] * self.cofactors[k]) for k in range(3)]
         m.d.comb += self.determinant.eq(register(m, "total", terms[0] + terms[1] + terms[2]))
         return m
 
@@ -83,8 +104,9 @@ class Alu(wiring.Component):
     """The result of an instruction from its operands.
 
     ``a`` is there from the third clock of the instruction on, ``fetched``, the second source as it comes
-    from the store, in the fourth, at whose end ``take_b`` keeps it. ``result`` stands in the eighth, and
-    ``outside``: an element that the instruction writes did not fit.
+    from the store, in the fourth, at whose end ``take_b`` keeps it. ``chosen`` is the element of ``a`` that
+    the instruction names. ``result`` stands in the eighth, and ``outside``: an element that the instruction
+    writes did not fit.
     """
 
     def __init__(self, core: Core) -> None:
@@ -92,7 +114,9 @@ class Alu(wiring.Component):
         super().__init__(
             {
                 "opcode": In(OPCODE_BITS),
+                "exponent": In(signed(ARGUMENT_BITS)),
                 "a": In(matrix_layout(core)),
+                "chosen": In(signed(core.form.width)),
                 "fetched": In(matrix_layout(core)),
                 "take_b": In(1),
                 "result": Out(matrix_layout(core)),
@@ -105,43 +129,106 @@ class Alu(wiring.Component):
         core = self._core
         m.submodules.products = products = ProductSums(core)
         m.submodules.sum = total = MatrixSum(core)
-        m.submodules.determinant = determinant = Determinant(core)
         b = Signal(matrix_layout(core), reset_less=True)
         with m.If(self.take_b):
-            m.d.sync += [b[e].eq(self._second_operand(e)) for e in range(core.elements)]
+            m.d.sync += [b[e].eq(self._second_operand(m, e)) for e in range(core.elements)]
         m.d.comb += [products.a.eq(self.a), products.b.eq(b), total.a.eq(self.a), total.b.eq(b)]
-        m.d.comb += determinant.a.eq(self.a)
+        m.d.comb += total.subtract.eq(self._is(Opcode.SUB_33))
+        exact = [self._exact(e, products, total) for e in range(core.elements)]
+        firsts: list[tuple[Opcode, tuple[Value, Value]]] = []
+        if core.size == 3:
+            self._add_cofactors(m, exact, firsts)
+        if core.extended:
+            firsts.append((Opcode.RECIP, self._reciprocal(m)))
         flags = Signal(core.elements)
         for e in range(core.elements):
-            value, outside = self._element(e, products, total)
-            if e == 0:
-                of_determinant = self._quantised(determinant.determinant, 3)
-                chosen = self._is(Opcode.DET_33)
-                value = Mux(chosen, of_determinant[0], value)
-                outside = Mux(chosen, of_determinant[1], outside)
-            m.d.comb += self.result[e].eq(register(m, f"result_{e}", value))
-            m.d.sync += flags[e].eq(outside & self._written(e))
+            value, outside = self._quantised(exact[e], 2)
+            for opcode, (special, flag) in firsts if e == 0 else ():
+                value, outside = Mux(self._is(opcode), special, value), Mux(self._is(opcode), flag, outside)
+            value, outside = self._moved(e, value, outside)
+            m.d.comb += self.result[e].eq(register(m, f"result_{e}", fitted(value, core.form.width, True)))
+            m.d.sync += flags[e].eq(outside & written(core, self.opcode, e))
         m.d.comb += self.outside.eq(flags.any())
         return m
 
-    def _second_operand(self, element: int) -> Value:
+    def _second_operand(self, m: Module, element: int) -> Value:
         """What the products take of the second source, so that every product is that of two matrices.
 
-        Of a vector, in the first row, the first column; of a number, the diagonal.
+        Of a vector, in the first row, the first column; of a number, and of a power of two, the diagonal.
         """
-        row, column = divmod(element, self._core.size)
-        of_number = self.fetched[0] if row == column else Const(0)
-        value = Mux(self._is(Opcode.MULT_3S), of_number, self.fetched[element])
+        core = self._core
+        row, column = divmod(element, core.size)
+        on_diagonal = row == column
+        value = Mux(
+            self._is(Opcode.MULT_3S), self.fetched[0] if on_diagonal else Const(0), self.fetched[element]
+        )
+        if core.extended:
+            value = Mux(self._is(Opcode.MULT_33T), self.fetched[core.size * column + row], value)
+            value = Mux(self._is(Opcode.SCALE), self._power(m) if on_diagonal else Const(0), value)
         return Mux(self._is(Opcode.MULT_31), self.fetched[row], value) if column == 0 else value
 
-    def _element(self, element: int, products: ProductSums, total: MatrixSum) -> tuple[Value, Value]:
+    def _power(self, m: Module) -> Value:
+        """Two to the power of the exponent, as a number of the format."""
+        power = Signal(signed(self._core.form.width), name="power")
+        with m.Switch(self.exponent):
+            for exponent in self._core.exponents:
+                with m.Case(exponent):
+                    m.d.comb += power.eq(1 << exponent + self._core.form.fraction)
+        return power
+
+    def _exact(self, element: int, products: ProductSums, total: MatrixSum) -> Value:
         row, column = divmod(element, self._core.size)
         product: Value = products.sums[element]
         if row == 0 and column:
             # A vector comes out as a column and is kept as a row.
             product = Mux(self._is(Opcode.MULT_31), products.sums[self._core.size * column], product)
         aligned = total.sums[element].shift_left(self._core.form.fraction)
-        return self._quantised(Mux(self._is(Opcode.ADD_33), aligned, product), 2)
+        sums = self._is(Opcode.ADD_33)
+        if self._core.extended:
+            sums = sums | self._is(Opcode.SUB_33)
+        return Mux(sums, aligned, product)
+
+    def _add_cofactors(
+        self, m: Module, exact: list[Value], firsts: list[tuple[Opcode, tuple[Value, Value]]]
+    ) -> None:
+        """The instructions that are for matrices of 3 by 3 alone."""
+        m.submodules.cofactors = cofactors = Cofactors(self._core)
+        m.d.comb += cofactors.a.eq(self.a)
+        firsts.append((Opcode.DET_33, self._quantised(cofactors.determinant, 3)))
+        if self._core.extended:
+            for e in range(9):
+                row, column = divmod(e, 3)
+                exact[e] = Mux(self._is(Opcode.ADJ_33), cofactors.cofactors[3 * column + row], exact[e])
+
+    def _reciprocal(self, m: Module) -> tuple[Value, Value]:
+        """Of element 0, which a clock after the third stands still; of what is not positive that of zero."""
+        form = self._core.form
+        most = Fixed(width=form.width - 1, fraction=form.fraction, signed=False)
+        divisor = Operand(form=most, low=0, high=most.highest)
+        m.submodules.reciprocal = unit = TableNewtonReciprocal(
+            divisor, form, self._core.rounding, self._core.division, registers=_RECIPROCAL_REGISTERS
+        )
+        a = self.a[0]
+        m.d.comb += unit.divisor.eq(Mux(a < 0, 0, a))
+        return unit.quotient, unit.outside
+
+    def _moved(self, element: int, value: Value, outside: Value) -> tuple[Value, Value]:
+        """The elements that only move."""
+        core = self._core
+        if not core.extended:
+            return value, outside
+        row, column = divmod(element, core.size)
+        moves = [
+            (Opcode.COPY, self.a[element]),
+            (Opcode.TRANS_33, self.a[core.size * column + row]),
+            (Opcode.PLACE, self.a[0]),
+        ]
+        if element == 0:
+            moves.append((Opcode.PICK, self.chosen))
+        for opcode, moved in moves:
+            value = Mux(self._is(opcode), moved, value)
+            outside = outside & ~self._is(opcode)
+        return value, outside
 
     def _quantised(self, value: Value, times: int) -> tuple[Value, Value]:
         core = self._core
@@ -150,15 +237,15 @@ class Alu(wiring.Component):
     def _is(self, opcode: Opcode) -> Value:
         return self.opcode == opcode.value
 
-    def _written(self, element: int) -> Value:
-        """Whether the instruction writes an element."""
-        return written(self._core, self.opcode, element)
-
 
 def written(core: Core, opcode: Value, element: int) -> Value:
-    """Whether an arithmetic instruction writes an element of its destination."""
+    """Whether an instruction writes an element, whichever element it names."""
     found: Value = Const(0)
     for each in Opcode:
-        if element in writes(each, core):
+        if core.has(each) and element in writes(Instruction(each), core) and each not in NAMING:
             found = found | (opcode == each.value)
     return found
+
+
+NAMING = (Opcode.READ, Opcode.PLACE)
+"""The instructions that write the element that they name."""

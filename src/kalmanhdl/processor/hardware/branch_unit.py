@@ -1,10 +1,12 @@
 """The branch unit: the clock of the instruction, and which instruction is next."""
 
-from amaranth.hdl import Module, Mux, Signal
+from itertools import pairwise
+
+from amaranth.hdl import Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, LOOPS, Core
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
 
 
@@ -44,6 +46,7 @@ class BranchUnit(wiring.Component):
             self.last_clock.eq(self.running & (clock == last)),
         ]
         m.d.sync += clock.eq(clock + self.running)
+        again = self._again(m) if self._core.extended else Const(0)
         jumps = Signal()
         with m.Switch(self.opcode):
             with m.Case(Opcode.JUMP_U.value):
@@ -52,11 +55,34 @@ class BranchUnit(wiring.Component):
                 m.d.comb += jumps.eq(~self.input_ready)
             with m.Case(Opcode.JUMP_ACK.value):
                 m.d.comb += jumps.eq(~self.output_taken)
+            if self._core.extended:
+                with m.Case(Opcode.HALT.value):
+                    m.d.comb += jumps.eq(1)
+                with m.Case(Opcode.NEXT.value):
+                    m.d.comb += jumps.eq(again)
         following = Signal.like(self.pc_current)
         with m.If(self.running):
-            m.d.comb += self.pc_next.eq(Mux(jumps, self.target, self.pc_current + 1))
+            target = self.target
+            if self._core.extended:
+                target = Mux(self.opcode == Opcode.HALT.value, self.pc_current, target)
+            m.d.comb += self.pc_next.eq(Mux(jumps, target, self.pc_current + 1))
         with m.If(clock == last - 1):
             m.d.sync += following.eq(self.pc_next)
         with m.If(self.last_clock):
             m.d.sync += self.pc_current.eq(following)
         return m
+
+    def _again(self, m: Module) -> Value:
+        """The stack of loops; whether the innermost one is passed once more."""
+        counts = [Signal(ARGUMENT_BITS, name=f"count_{depth}") for depth in range(LOOPS)]
+        again = counts[0] != 1
+        with m.If(self.last_clock), m.Switch(self.opcode):
+            with m.Case(Opcode.LOOP.value):
+                m.d.sync += [counts[0].eq(self.target)]
+                m.d.sync += [outer.eq(inner) for inner, outer in pairwise(counts)]
+            with m.Case(Opcode.NEXT.value):
+                with m.If(again):
+                    m.d.sync += counts[0].eq(counts[0] - 1)
+                with m.Else():
+                    m.d.sync += [inner.eq(outer) for inner, outer in pairwise(counts)]
+        return again

@@ -1,11 +1,11 @@
 """The controller: loader, control store, branch unit, I/O unit, data store and arithmetic unit together."""
 
-from amaranth.hdl import Cat, Module, Mux, Signal, signed
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.hardware.alu import Alu, written
+from kalmanhdl.processor.hardware.alu import NAMING, Alu, written
 from kalmanhdl.processor.hardware.branch_unit import BranchUnit
 from kalmanhdl.processor.hardware.control_store import ControlStore
 from kalmanhdl.processor.hardware.data_store import DataStore
@@ -67,9 +67,10 @@ class Controller(wiring.Component):
         fetch, second = branch.what_branch, branch.second_clock
         with m.If((fetch == 0) & second):
             m.d.sync += a.eq(data.read)
-        self._exchange(m, branch, a)
+        chosen = self._exchange(m, branch, a)
         alu = Alu(self._core)
         m.submodules.alu = alu
+        m.d.comb += [alu.chosen.eq(chosen), alu.exponent.eq(self.argument_2)]
         m.d.comb += [alu.opcode.eq(self.opcode), alu.a.eq(a), alu.fetched.eq(data.read)]
         m.d.comb += alu.take_b.eq((fetch == 1) & second)
         with m.Switch(fetch):
@@ -112,7 +113,7 @@ class Controller(wiring.Component):
         ]
         return branch
 
-    def _exchange(self, m: Module, branch: BranchUnit, a: Signal) -> None:
+    def _exchange(self, m: Module, branch: BranchUnit, a: Signal) -> Value:
         io = IoUnit(self._core)
         m.submodules.io_unit = io
         m.d.comb += [
@@ -124,11 +125,13 @@ class Controller(wiring.Component):
             self.DRDY_O.eq(io.drdy_o),
             self.data_out.eq(io.data_out),
         ]
+        return io.chosen
 
     def _write_back(self, m: Module, data: DataStore, alu: Alu) -> None:
         reads = self.opcode == Opcode.READ.value
         for element in range(self._core.elements):
-            chosen = (reads & (self.argument_2 == element)) | written(self._core, self.opcode, element)
+            named = (self.argument_2 == element) & self._names_element()
+            chosen = named | written(self._core, self.opcode, element)
             m.d.comb += [
                 self.written_elements[element].eq(self.last_clock & chosen),
                 self.written[element].eq(Mux(reads, self.data_in, alu.result[element])),
@@ -136,3 +139,10 @@ class Controller(wiring.Component):
         m.d.comb += [data.enable.eq(self.written_elements), data.written.eq(self.written)]
         with m.If(self.last_clock):
             m.d.sync += self.saturated.eq(self.saturated | alu.outside)
+
+    def _names_element(self) -> Value:
+        found: Value = Const(0)
+        for each in NAMING:
+            if self._core.has(each):
+                found = found | (self.opcode == each.value)
+        return found
