@@ -10,7 +10,7 @@ import typer
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
 from kalmanhdl.errors import DesignError, OutputError
-from kalmanhdl.processor_commands import asm, disasm, execute
+from kalmanhdl.processor_commands import asm, compile_filter, disasm, execute
 from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
@@ -467,6 +467,7 @@ def _simulators(word: str) -> "tuple[Simulator, ...]":
 app.command()(asm)
 app.command()(disasm)
 app.command("exec")(execute)
+app.command("compile")(compile_filter)
 
 
 def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:

@@ -1,15 +1,17 @@
 """The commands of the programmable processor: parse, call, print."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kalmanhdl.console import reported
-from kalmanhdl.errors import OutputError, ProgramError
+from kalmanhdl.errors import DataError, OutputError, ProgramError
 
 if TYPE_CHECKING:
+    from kalmanhdl.model.model import Array, Model
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.program import Program
     from kalmanhdl.processor.simulator import Machine, Retired
@@ -92,6 +94,58 @@ def execute(
         typer.echo(dumped(machine, found))
     flag = ", a result did not fit its format" if machine.saturated else ""
     typer.echo(f"{done.reason}: {done.instructions} instructions, {machine.clock} clocks{flag}", err=True)
+
+
+@reported
+def compile_filter(
+    design: Annotated[Path, typer.Argument(metavar="DESIGN", help="A design file (TOML) of a linear model.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder to make.")],
+    data: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Measurements of one track, for a test bench.")
+    ] = None,
+    width: _Width = 32,
+    fraction: _Fraction = 16,
+    rounding: _Rounding = "half_even",
+    overflow: _Overflow = "saturate",
+    size: Annotated[int, typer.Option(help="Rows and columns of the core's matrices, 2 to 16.")] = 3,
+    force: Annotated[bool, typer.Option("--force", help="Replace a folder that kalmanhdl made.")] = False,
+) -> None:
+    """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
+    from kalmanhdl.design import Design
+    from kalmanhdl.output import check_folder, new_folder
+    from kalmanhdl.processor.compiler.folder import contents
+    from kalmanhdl.processor.compiler.trace import traced
+    from kalmanhdl.simulate.data import read_plots
+
+    check_folder(out, force=force)
+    core = replace(_core(width, fraction, rounding, overflow), size=size)
+    chosen = Design.load(design)
+    filter_ = traced(chosen.model, chosen.algorithm, size)
+    z = None
+    if data is not None:
+        plots = read_plots(data, chosen.model)
+        if len(plots.tracks) > 1:
+            raise DataError(
+                f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone"
+            )
+        z = _begun(plots.z, chosen.model)
+    found = contents(filter_, core, z)
+    with new_folder(out, force=force) as folder:
+        for name, text in found.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    words = found["program.hex"].count("\n")
+    typer.echo(f"{chosen.name}: {words} words of program for matrices of {size} by {size} of {core.form}")
+    typer.echo(f"program: {out / 'program.lst'}")
+
+
+def _begun(z: "Array", model: "Model") -> "Array":
+    """The rows from the start of the track on."""
+    import numpy as np
+
+    from kalmanhdl.simulate.commands import Command, commands
+
+    given = commands(model, z, np.ones(z.shape[:2], bool))[:, 0]
+    return np.asarray(z[given != Command.NONE, 0])
 
 
 def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[["Retired"], None]:

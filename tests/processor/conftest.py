@@ -32,5 +32,5 @@ def verilog(core):
 
 @pytest.fixture
 def rtl(core, verilog):
-    with RtlSimulation(core, verilog) as simulation:
+    with RtlSimulation(core, verilog, optimised=False) as simulation:
         yield simulation

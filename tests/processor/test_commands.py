@@ -1,6 +1,8 @@
 """The commands asm, disasm and exec."""
 
 from pathlib import Path
+from shutil import which
+from subprocess import check_output
 
 import pytest
 from typer.testing import CliRunner
@@ -93,3 +95,58 @@ def test_an_image_that_cannot_run_is_refused_by_address(sums):
     assert said.strip().endswith(
         "bad.hex: address 1: word 0xF8000000: there is no instruction with the opcode 0x1F"
     )
+
+
+ALTITUDE = """
+name = "altitude"
+[model]
+kind = "constant_velocity"
+axes = ["up"]
+T = 1
+noise = 0.5
+R = [[9.0]]
+measurement_range = [[0, 200]]
+[model.initial]
+kind = "two_point"
+"""
+
+
+@pytest.fixture
+def altitude(tmp_path):
+    (tmp_path / "altitude.toml").write_text(ALTITUDE)
+    (tmp_path / "altitude.csv").write_text("up_plot\n0\n\n1.5\n3.25\n\n8\n9.5\n12\n")
+    return tmp_path
+
+
+def test_compile_makes_a_program_that_exec_runs(altitude):
+    arguments = ("compile", altitude / "altitude.toml", "--data", altitude / "altitude.csv")
+    code, out, _ = call(*arguments, "--out", altitude / "made")
+    assert code == 0
+    assert out.startswith("altitude: 101 words of program for matrices of 3 by 3 of fixed(32, fraction=16)")
+    made = altitude / "made"
+    _, found, said = call("exec", made / "program.hex", "--input", made / "input.txt")
+    assert found.split() == (made / "expected.txt").read_text().split()
+    # A start takes two plots in succession: the first plot here has no second.
+    assert len(found.split()) == 6 * 4
+    assert "did not fit" not in said
+    assert (made / "core.v").read_text().startswith("// controller: a programmable matrix processor")
+
+
+@pytest.mark.skipif(which("iverilog") is None, reason="Icarus is not installed")
+def test_the_test_bench_passes_under_icarus_and_finds_a_wrong_number(altitude):
+    out = altitude / "made"
+    call("compile", altitude / "altitude.toml", "--data", altitude / "altitude.csv", "--out", out)
+    run = "iverilog -g2005 -o bench testbench.v core.v && vvp bench"
+    assert "24 outputs, 0 wrong" in check_output(run, shell=True, text=True, cwd=out)
+    lines = (out / "expected.hex").read_text().splitlines()
+    lines[7] = "00000001"
+    (out / "expected.hex").write_text("\n".join(lines))
+    assert "24 outputs, 1 wrong" in check_output(run, shell=True, text=True, cwd=out)
+
+
+def test_what_cannot_be_compiled_is_refused(altitude):
+    (altitude / "two.csv").write_text("track,up_plot\na,1\nb,2\n")
+    arguments = ("compile", altitude / "altitude.toml", "--out", altitude / "made")
+    said = call(*arguments, "--data", altitude / "two.csv")[2]
+    assert said.strip().endswith("two.csv: has 2 tracks, and a program filters one: give one alone")
+    assert not (altitude / "made").exists()

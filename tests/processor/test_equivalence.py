@@ -12,6 +12,9 @@ from kalmanhdl.processor.rtl_simulation import Peripherals
 from kalmanhdl.processor.simulator import Machine
 from kalmanhdl.processor.verification import compare
 
+# More of either: benchmarks/processor.py.
+SETS, PROGRAMS = 50, 50
+
 
 @pytest.fixture
 def machine(core):
@@ -20,13 +23,13 @@ def machine(core):
 
 def test_every_instruction_on_random_operands(core, rtl, machine):
     rng, words = random.Random(1), every_instruction(core)
-    tokens = [number(rng, core) for _ in range(2 * core.elements * 300)]
-    assert compare(core, rtl, machine, words, Peripherals(tokens=tokens), len(words) * 300)
+    tokens = [number(rng, core) for _ in range(2 * core.elements * SETS)]
+    assert compare(core, rtl, machine, words, Peripherals(tokens=tokens), len(words) * SETS)
 
 
 def test_random_programs_with_branches_and_peripherals_of_random_latency(core, rtl, machine):
     rng = random.Random(2)
-    for _ in range(150):
+    for _ in range(PROGRAMS):
         words = random_program(rng, core, rng.randint(2, 60))
         assert compare(core, rtl, machine, words, random_peripherals(rng, core, 20), rng.randint(20, 150))
 

@@ -71,11 +71,14 @@ class Records:
 
 
 class RtlSimulation:
-    """One running instance of a core's Verilog. Its data store lasts from program to program."""
+    """One running instance of a core's Verilog. Its data store lasts from program to program.
 
-    def __init__(self, core: Core, verilog: str) -> None:
+    Not ``optimised`` it is made in a fraction of the time, and runs many times slower.
+    """
+
+    def __init__(self, core: Core, verilog: str, *, optimised: bool = True) -> None:
         self._core = core
-        library = _library(core, verilog)
+        library = _library(core, verilog, optimised=optimised)
         try:
             self._library = ctypes.CDLL(str(library))
         except OSError as error:
@@ -166,7 +169,7 @@ def _numbers(words: npt.NDArray[np.uint64], count: int, width: int) -> Integers:
     return bits.reshape(len(words), count, width).astype(np.int64) @ weights
 
 
-def _library(core: Core, verilog: str) -> Path:
+def _library(core: Core, verilog: str, *, optimised: bool) -> Path:
     lines = [f"#define {word} {mangled(name)}" for word, name in _NAMES.items()]
     lines += [f"#define CLOCK_BEFORE prev_{mangled('clk')}", f"#define TOP {mangled(TOP)}"]
     lines += [f"#define WORD_BITS {core.form.width}", f"#define READ_OPCODE {Opcode.READ.value}"]
@@ -181,7 +184,7 @@ def _library(core: Core, verilog: str) -> Path:
         word += _words(width)
     lines += [f"#define GET_RECORD(top, record){gets}"]
     harness = files(__package__).joinpath("processor_harness.cc").read_text()
-    return compile_simulator(verilog, TOP, "\n".join(lines) + "\n", harness)
+    return compile_simulator(verilog, TOP, "\n".join(lines) + "\n", harness, optimised=optimised)
 
 
 def _pointer(array: Integers | None) -> ctypes.c_void_p:

@@ -198,7 +198,7 @@ def figures(progress: Progress = silent) -> Figures:
     verilog = core_verilog(CORE)
     runs = []
     for R in (data["R"], data["R_wrong"]):
-        with RtlSimulation(CORE, verilog) as rtl:
+        with RtlSimulation(CORE, verilog, optimised=False) as rtl:
             progress(f"appendix A with R = {R:g}, on simulator and Verilog")
             runs.append(filtering(program, rtl, R))
     progress("synthesising the paper's core of 8 bits for its device")

@@ -1,0 +1,1 @@
+"""The compiler: a filter traced on whole matrices becomes a program of the processor."""

@@ -1,0 +1,80 @@
+"""The engine: a traced filter run in the processor's order of operations, on raw numbers or on floats."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kalmanhdl.processor.arithmetic import compute
+from kalmanhdl.processor.compiler.graph import Array, Computed, Constant, Given, Held, Section
+from kalmanhdl.processor.compiler.trace import HELD, Traced
+from kalmanhdl.processor.core import Core, writes
+from kalmanhdl.processor.instructions import OPERATIONS, Instruction, Kind, build
+
+Raw = tuple[int, ...]
+
+
+def padded(values: Array, size: int) -> Array:
+    """A constant as it stands in a matrix of the store."""
+    whole = np.zeros((size, size))
+    whole[: values.shape[0], : values.shape[1]] = values
+    return whole
+
+
+@dataclass(slots=True)
+class Engine:
+    """The filter on one track, bit for bit as the program computes it."""
+
+    filter_: Traced
+    core: Core
+    saturated: bool = False
+    _held: dict[str, list[int]] = field(init=False)
+    _constants: dict[str, list[int]] = field(init=False)
+    _rows: int = 0
+
+    def __post_init__(self) -> None:
+        self._held = {name: [0] * self.core.elements for name in HELD}
+        self._constants = {
+            name: [self.core.form.nearest(float(value)) for value in padded(array, self.core.size).ravel()]
+            for name, array in self.filter_.constants.items()
+        }
+
+    def step(self, given: Sequence[int]) -> Raw:
+        """What one pass puts out, from the m measurements and the m flags that it reads."""
+        section = self.filter_.start if self._rows < self.filter_.points else self.filter_.step
+        self._rows += 1
+        values: dict[int, list[int]] = {}
+        numbers = iter(given)
+        for index in section.live:
+            values[index] = self._value(section, index, values, numbers)
+        self._held = {name: values[node] for name, node in section.held.items()}
+        return tuple(values[node][element] for node, element in section.outputs)
+
+    def _value(
+        self, section: Section, index: int, values: dict[int, list[int]], given: Iterable[int]
+    ) -> list[int]:
+        result = [0] * self.core.elements
+        match section.nodes[index]:
+            case Constant(name):
+                return self._constants[name]
+            case Held(name):
+                return self._held[name]
+            case Given(_, elements):
+                for element, number in zip(elements, given, strict=False):
+                    result[element] = number
+            case Computed() as node:
+                instruction = instruction_of(node, [0] * len(node.sources), 0)
+                sources = [values[source] for source in node.sources]
+                found, outside = compute(instruction, sources[0], sources[-1], self.core)
+                self.saturated |= outside
+                written = writes(instruction, self.core)
+                result[written.start : written.stop] = found
+        return result
+
+
+def instruction_of(node: Computed, sources: Sequence[int], destination: int) -> Instruction:
+    """The instruction of a node, its sources and its destination at these addresses."""
+    places = iter(sources)
+    kinds = [operand.kind for operand in OPERATIONS[node.opcode.name].operands[:-1]]
+    operands = [next(places) if kind is Kind.MATRIX else node.immediate for kind in kinds]
+    return build(node.opcode, *operands, destination)

@@ -1,0 +1,58 @@
+"""What a compiled filter is written as: its program, the core's Verilog, and a test bench with its data."""
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+
+from numpy.typing import ArrayLike
+
+from kalmanhdl.processor.compiler.evaluate import Engine
+from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, tokens
+from kalmanhdl.processor.compiler.trace import Traced
+from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.program import image, listing
+from kalmanhdl.processor.verilog import core_verilog
+
+
+def contents(filter_: Traced, core: Core, z: ArrayLike | None = None) -> Mapping[str, str]:
+    """The files by name. z (steps, m), NaN where missed: what the test bench feeds.
+
+    With it, ``input.txt`` and ``expected.txt`` hold the same numbers as reals, a row a line, constants first.
+    Raises ProgramError where the filter does not fit the core, ToolError.
+    """
+    program = compiled(filter_, core)
+    found = {
+        "program.asm": source(filter_, core),
+        "program.hex": image(program),
+        "program.lst": listing(program),
+        "core.v": core_verilog(core),
+    }
+    if z is None:
+        return found
+    rows = rows_read(core, z)
+    engine = Engine(filter_, core)
+    sent = [engine.step(row) for row in rows]
+    read = tokens(filter_, core, rows)
+    outputs = [number for row in sent for number in row]
+    sizes = {
+        "WIDTH": core.form.width,
+        "PROGRAM_WORDS": len(program.words),
+        "INPUTS": len(read),
+        "OUTPUTS": len(outputs),
+    }
+    body = files("kalmanhdl.processor").joinpath("testbench.v").read_text(encoding="utf-8")
+    found["testbench.v"] = "".join(f"`define {name} {size}\n" for name, size in sizes.items()) + body
+    found["input.hex"], found["expected.hex"] = _hexadecimal(read, core), _hexadecimal(outputs, core)
+    constants = read[: len(read) - sum(map(len, rows))]
+    found["input.txt"] = _reals([constants, *rows], core)
+    found["expected.txt"] = _reals(sent, core)
+    return found
+
+
+def _hexadecimal(numbers: Sequence[int], core: Core) -> str:
+    digits, mask = -(-core.form.width // 4), (1 << core.form.width) - 1
+    return "".join(f"{number & mask:0{digits}X}\n" for number in numbers)
+
+
+def _reals(rows: Sequence[Sequence[int]], core: Core) -> str:
+    # A raw number of at most 32 bits is a double.
+    return "".join(" ".join(repr(float(core.form.real(raw))) for raw in row) + "\n" for row in rows)

@@ -1,0 +1,173 @@
+"""Filters compiled to programs: engine and simulator agree on every bit, and both follow the reference."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from kalmanhdl.algorithm import BiermanThornton, Conventional, Joseph, Sequential, Taylor
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.processor.compiler.evaluate import Engine
+from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, tokens
+from kalmanhdl.processor.compiler.trace import traced
+from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.instructions import Opcode, decode
+from kalmanhdl.processor.peripherals import BenchSink, BenchSource, HandshakingSink, HandshakingSource
+from kalmanhdl.processor.simulator import Machine, run
+from kalmanhdl.simulate.commands import commands, started
+from kalmanhdl.simulate.reference import reference
+
+CORE = Core(form=Fixed(width=32, fraction=18), extended=True)
+FOUR = Core(form=Fixed(width=32, fraction=18), extended=True, size=4)
+POSITION = linear_model(
+    [[1, 1], [0, 1]],
+    [[1, 0]],
+    [[0.25, 0.5], [0.5, 1]],
+    [[9.0]],
+    initial=two_point(),
+    offset=[0.5, 0.0],
+    measurement_offset=[-2.0],
+)
+SINGER = linear_model(
+    [[1, 1, 0.5], [0, 1, 1], [0, 0, 0.8]],
+    [[1, 0, 0], [0, 1, 0]],
+    np.diag([0.01, 0.1, 0.5]),
+    [[9.0, 0], [0, 1.0]],
+    initial=given([0, 0, 0], np.diag([100.0, 10, 10])),
+)
+WHOLE = linear_model(
+    [[0.9, 0.1, 0.0], [0.0, 0.8, 0.2], [0.1, 0.0, 0.7]],
+    np.eye(3),
+    np.eye(3),
+    [[4.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 4.0]],
+    initial=given([1, 2, 3], 4 * np.eye(3)),
+)
+TRACKS = linear_model(
+    np.kron(np.eye(2), [[1, 1], [0, 1]]),
+    np.kron(np.eye(2), [[1, 0]]),
+    np.kron(np.eye(2), [[0.25, 0.5], [0.5, 1]]),
+    np.diag([9.0, 4.0]),
+    initial=two_point(),
+)
+ALGORITHMS = (Conventional(), Joseph(), Sequential(), Taylor("initial"))
+CASES = [(POSITION, CORE), (SINGER, CORE), (TRACKS, FOUR), (WHOLE, CORE)]
+
+
+def measurements(model, steps=60):
+    rng = np.random.default_rng(model.n + model.m)
+    z = np.cumsum(rng.normal(size=(steps, model.m)), axis=0) + np.arange(steps)[:, None] * 0.1
+    z[20] = z[31, 0] = z[33:36] = z[40, -1] = np.nan
+    return z
+
+
+def outputs(filter_, core, z, machine):
+    """What simulator and engine put out: rows of x and the diagonal of P, raw."""
+    rows = rows_read(core, z)
+    engine = Engine(filter_, core)
+    wanted = np.array([engine.step(row) for row in rows])
+    program = compiled(filter_, core)
+    machine.source = BenchSource(tokens(filter_, core, rows))
+    machine.load(program.words)
+    done = run(machine, 1_000_000)
+    assert done.reason == "the input is exhausted"
+    assert not machine.saturated
+    assert not engine.saturated
+    return np.array(done.sent).reshape(len(z), -1), wanted
+
+
+def followed(model, algorithm, z):
+    cube = z[:, None]
+    issued = commands(model, cube, np.ones(cube.shape[:2], bool))
+    found = reference(algorithm(model), issued, cube, np.zeros((len(z), 1, 0)))
+    return found.x[:, 0], found.P[:, 0], started(model, issued)[:, 0]
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.kind)
+@pytest.mark.parametrize(
+    ("model", "core"), CASES, ids=["position", "two of three", "two tracks", "all of three"]
+)
+def test_a_compiled_filter_is_the_engine_and_follows_the_reference(model, core, algorithm):
+    inverts = algorithm.kind in ("conventional", "joseph") and model.m > 1
+    expands = algorithm.kind == "taylor" and model.m > 1
+    correlated = algorithm.kind == "sequential" and np.any(model.R - np.diag(np.diag(model.R)))
+    if (inverts and core.size != 3) or correlated or expands:
+        with pytest.raises(ProgramError, match=r'use "(sequential|conventional)"'):
+            traced(model, algorithm, core.size)
+        return
+    z = measurements(model)
+    got, wanted = outputs(
+        traced(model, algorithm, core.size), core, z, Machine(core, BenchSource(()), BenchSink())
+    )
+    np.testing.assert_array_equal(got, wanted)
+    x, P, running = followed(model, algorithm, z)
+    reals = got[running] * 2.0**-18
+    # A determinant and its reciprocal have fewer digits than a pivot.
+    np.testing.assert_allclose(reals[:, : model.n], x[running], atol=2e-2 if inverts else 2e-3)
+    variances = P[running][:, range(model.n), range(model.n)]
+    np.testing.assert_allclose(reals[:, model.n :], variances, atol=5e-2 if inverts else 1e-2)
+
+
+def test_filters_follow_each_other_in_one_machine():
+    machine = Machine(CORE, BenchSource(()), BenchSink())
+    for model in (SINGER, POSITION, WHOLE, POSITION):
+        got, wanted = outputs(traced(model, Conventional(), 3), CORE, measurements(model), machine)
+        np.testing.assert_array_equal(got, wanted)
+
+
+def test_slow_peripherals_change_nothing_but_the_time():
+    z, filter_ = measurements(POSITION)[:25], traced(POSITION, Conventional(), 3)
+    read = tokens(filter_, CORE, rows_read(CORE, z))
+    slow = Machine(
+        CORE,
+        HandshakingSource(read, [17] * len(read), [3] * len(read)),
+        HandshakingSink([41, 0, 9], [1, 0, 4]),
+    )
+    slow.load(compiled(filter_, CORE).words)
+    done = run(slow, 1_000_000)
+    wanted = outputs(filter_, CORE, z, Machine(CORE, BenchSource(()), BenchSink()))[1]
+    assert done.sent == tuple(wanted.ravel())
+
+
+def test_the_program_says_what_each_instruction_is():
+    text = source(traced(POSITION, Conventional(), 3), CORE)
+    assert "RECIP    _t1 _v" in text or "-- update: 1 / S" in text
+    assert "MULT_33T" in text
+    assert text.count("JUMP_U") == 1
+
+
+def test_what_is_known_is_not_computed():
+    identity = linear_model(np.eye(2), np.eye(2), np.eye(2), np.eye(2), initial=given([0, 0], np.eye(2)))
+    words = compiled(traced(identity, Sequential(), 3), CORE).words
+    step = [decode(word).opcode for word in words]
+    # F x and F P F' are x and P; what is left of the prediction is one sum.
+    assert step.count(Opcode.MULT_31) == 2 * 2 * 2
+    assert step.count(Opcode.TRANS_33) == 3
+
+
+@pytest.mark.parametrize(
+    ("model", "algorithm", "core", "message"),
+    [
+        (
+            TRACKS,
+            Conventional(),
+            CORE,
+            "4 states do not fit the core's matrices of 3 by 3: take a larger core",
+        ),
+        (POSITION, BiermanThornton(), CORE, 'kind = "bierman_thornton" has no program: choose conventional'),
+        (POSITION, Taylor("initial", newton=1), CORE, "newton = 1: programs have none yet"),
+    ],
+)
+def test_what_has_no_program_is_refused(model, algorithm, core, message):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(ProgramError, match=message):
+            traced(model, algorithm, core.size)
+
+
+def test_a_store_that_is_too_small_is_refused():
+    small = Core(form=Fixed(width=32, fraction=18), extended=True, matrices=8)
+    with pytest.raises(ProgramError, match="matrices and the data store has 8: enlarge it"):
+        compiled(traced(POSITION, Conventional(), 3), small)
