@@ -34,6 +34,8 @@ from kalmanhdl.simulate.reference import reference
 CORE = Core(form=Fixed(width=32, fraction=18), extended=True)
 DATA = Path(__file__).parents[1] / "designs" / "data" / "uav" / "UAV_Rot.csv"
 SIGMA_M = 3.0
+# Above half of what a missed row makes of the covariance, so that the expansion converges.
+POINT = ((40.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def filters():
@@ -48,7 +50,7 @@ def filters():
         initial = starts[name] or given(np.zeros(n), np.diag([9.0, 4.0, 1.0]))
         H = np.eye(n)[:1]
         model = linear_model(motion.F, H, motion.Q, [[SIGMA_M**2]], initial=initial)
-        yield name, model, Taylor("initial") if name == "Taylor" else Conventional()
+        yield name, model, Taylor(POINT) if name == "Taylor" else Conventional()
 
 
 def main() -> None:
@@ -58,7 +60,7 @@ def main() -> None:
     with DATA.open() as file:
         altitude = np.array([float(row["altitude (m)"]) for row in csv.DictReader(file)][:rows])
     z = (altitude - altitude[0])[:, None]
-    z[100:103] = np.nan
+    z[100] = np.nan
     machine = Machine(CORE, BenchSource(()), BenchSink())
     with RtlSimulation(CORE, core_verilog(CORE), optimised=False) as rtl:
         for name, model, algorithm in filters():

@@ -113,7 +113,8 @@ def compile_filter(
     """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
     from kalmanhdl.design import Design
     from kalmanhdl.output import check_folder, new_folder
-    from kalmanhdl.processor.compiler.folder import contents
+    from kalmanhdl.processor.compiler.folder import contents, off_reference
+    from kalmanhdl.processor.compiler.generate import constants_read
     from kalmanhdl.processor.compiler.trace import traced
     from kalmanhdl.simulate.data import read_plots
 
@@ -129,12 +130,18 @@ def compile_filter(
                 f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone"
             )
         z = _begun(plots.z, chosen.model)
+    # Says so where a constant does not fit.
+    constants_read(filter_, core)
     found = contents(filter_, core, z)
     with new_folder(out, force=force) as folder:
         for name, text in found.items():
             (folder / name).write_text(text, encoding="utf-8")
     words = found["program.hex"].count("\n")
     typer.echo(f"{chosen.name}: {words} words of program for matrices of {size} by {size} of {core.form}")
+    if z is not None:
+        typer.echo(
+            f"estimates at most {off_reference(filter_, chosen.algorithm, core, z):.3g} off double precision"
+        )
     typer.echo(f"program: {out / 'program.lst'}")
 
 

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kalmanhdl.arithmetic.fixed import Fixed
@@ -49,7 +49,7 @@ def by_numpy(opcode, a, b):
 EXACT = ["ADD_33", "SUB_33", "MULT_33", "MULT_33T", "MULT_31", "MULT_3S", "DET_33", "TRANS_33", "COPY"]
 
 
-@settings(max_examples=500)
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from([Opcode[name] for name in EXACT]), MATRIX, MATRIX)
 def test_an_element_is_exact_and_then_rounded_and_clamped_once(opcode, a, b):
     values, outside = compute(Instruction(opcode), a, b, CORE)

@@ -167,6 +167,13 @@ def test_what_has_no_program_is_refused(model, algorithm, core, message):
             traced(model, algorithm, core.size)
 
 
+def test_a_constant_that_is_no_number_of_the_core_is_refused():
+    for form in (Fixed(width=8, fraction=6), Fixed(width=16, fraction=1)):
+        core = Core(form=form, extended=True)
+        with pytest.raises(ProgramError, match=r"the constant .* of .* is no number of fixed"):
+            Engine(traced(POSITION, Conventional(), 3), core)
+
+
 def test_a_store_that_is_too_small_is_refused():
     small = Core(form=Fixed(width=32, fraction=18), extended=True, matrices=8)
     with pytest.raises(ProgramError, match="matrices and the data store has 8: enlarge it"):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kalmanhdl.errors import ProgramError
 from kalmanhdl.processor.arithmetic import compute
 from kalmanhdl.processor.compiler.graph import Array, Computed, Constant, Given, Held, Section
 from kalmanhdl.processor.compiler.trace import HELD, Traced
@@ -12,6 +13,22 @@ from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.instructions import OPERATIONS, Instruction, Kind, build
 
 Raw = tuple[int, ...]
+
+
+def raw_constant(name: str, values: Array, core: Core) -> list[int]:
+    """The raw elements of a constant in the store.
+
+    Raises ProgramError where one is outside the core's numbers, or so small that nothing of it would be left.
+    """
+    raws = []
+    for value in padded(values, core.size).ravel():
+        raw = core.form.nearest(float(value))
+        if abs(float(core.form.real(raw)) - value) > float(core.form.resolution) or (value and not raw):
+            raise ProgramError(
+                f"the constant {value:.6g} of {name} is no number of {core.form}: change fraction or units"
+            )
+        raws.append(raw)
+    return raws
 
 
 def padded(values: Array, size: int) -> Array:
@@ -35,8 +52,7 @@ class Engine:
     def __post_init__(self) -> None:
         self._held = {name: [0] * self.core.elements for name in HELD}
         self._constants = {
-            name: [self.core.form.nearest(float(value)) for value in padded(array, self.core.size).ravel()]
-            for name, array in self.filter_.constants.items()
+            name: raw_constant(name, array, self.core) for name, array in self.filter_.constants.items()
         }
 
     def step(self, given: Sequence[int]) -> Raw:

@@ -3,17 +3,21 @@
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 
-from numpy.typing import ArrayLike
+import numpy as np
 
+from kalmanhdl.algorithm import Algorithm
+from kalmanhdl.model.model import Array
 from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, tokens
 from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.program import image, listing
 from kalmanhdl.processor.verilog import core_verilog
+from kalmanhdl.simulate.commands import commands, started
+from kalmanhdl.simulate.reference import reference
 
 
-def contents(filter_: Traced, core: Core, z: ArrayLike | None = None) -> Mapping[str, str]:
+def contents(filter_: Traced, core: Core, z: Array | None = None) -> Mapping[str, str]:
     """The files by name. z (steps, m), NaN where missed: what the test bench feeds.
 
     With it, ``input.txt`` and ``expected.txt`` hold the same numbers as reals, a row a line, constants first.
@@ -46,6 +50,17 @@ def contents(filter_: Traced, core: Core, z: ArrayLike | None = None) -> Mapping
     found["input.txt"] = _reals([constants, *rows], core)
     found["expected.txt"] = _reals(sent, core)
     return found
+
+
+def off_reference(filter_: Traced, algorithm: Algorithm, core: Core, z: Array) -> float:
+    """How far the estimates are from those in double precision at most, in the model's units."""
+    model, cube = filter_.model, z[:, None]
+    issued = commands(model, cube, np.ones(cube.shape[:2], bool))
+    exact = reference(algorithm(model), issued, cube, np.zeros((len(z), 1, 0))).x[:, 0]
+    engine = Engine(filter_, core)
+    sent = np.array([engine.step(row) for row in rows_read(core, z)], float)
+    found = sent[:, : model.n] * float(core.form.resolution)
+    return float(np.abs(found - exact)[started(model, issued)[:, 0]].max(initial=0.0))
 
 
 def _hexadecimal(numbers: Sequence[int], core: Core) -> str:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.compiler.allocate import GIVEN, Places, allocate
-from kalmanhdl.processor.compiler.evaluate import padded
+from kalmanhdl.processor.compiler.evaluate import padded, raw_constant
 from kalmanhdl.processor.compiler.graph import Computed, Given, Section
 from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
@@ -74,9 +74,8 @@ def _instruction(node: Computed, of: Mapping[int, str], index: int) -> str:
 def constants_read(filter_: Traced, core: Core) -> tuple[int, ...]:
     """The raw numbers that the program reads before the first row."""
     found: list[int] = []
-    for array in filter_.constants.values():
-        flat = padded(array, core.size).ravel()
-        found += [core.form.nearest(float(value)) for value in flat[np.flatnonzero(flat)]]
+    for name, array in filter_.constants.items():
+        found += [raw for raw in raw_constant(name, array, core) if raw]
     return tuple(found)
 
 
