@@ -12,6 +12,7 @@ from pathlib import Path
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dump, load
 from kalmanhdl.errors import DesignError, ToolError
+from kalmanhdl.numerics.floating import FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.output import check_folder, new_file, new_folder
 from kalmanhdl.pipeline import (
@@ -20,9 +21,9 @@ from kalmanhdl.pipeline import (
     Progress,
     areas,
     compile_design,
-    fixed_numbers,
     implement,
     interface_of,
+    numbers_of,
     planned,
     silent,
     simulate,
@@ -63,10 +64,9 @@ def build(
     ``force`` replaces an earlier build, ``simulators`` are those that verify.
 
     Raises:
-        DesignError: the numerics are floating point, for which there is no hardware yet.
+        DesignError: floating point is asked of a function for which there is no such hardware.
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
     """
-    _ = design.fixed_point
     check_folder(out, force=force)
     if verify_steps:
         _need_compiler()
@@ -173,12 +173,12 @@ def blamed_on(path: Path) -> Iterator[None]:
         raise ToolError(f"{path}: {line}") from None
 
 
-def planned_design(design: Design) -> tuple[Numbers, Plan]:
+def planned_design(design: Design) -> tuple[Numbers | FloatNumbers, Plan]:
     """The numbers and the schedule of a design, without its Verilog.
 
-    Raises DesignError for floating point, FormatError, ScheduleError.
+    Raises DesignError, FormatError, ScheduleError.
     """
-    typed = fixed_numbers(design)
+    typed = numbers_of(design)
     return typed, planned(design, typed)
 
 

@@ -223,17 +223,12 @@ def show(
     """Print a design's operations, formats, bounds and schedule, and draw the schedule."""
     from kalmanhdl.build import planned_design
     from kalmanhdl.graph.text import print_graph
-    from kalmanhdl.numerics.floating import FloatSpecification, float_numbers
     from kalmanhdl.schedule.text import print_plan
-    from kalmanhdl.tables import design_tables, float_tables
+    from kalmanhdl.tables import design_tables
 
     if out is not None and out.suffix.lower() not in _PICTURES:
         raise typer.BadParameter(f"{out}: write a .png or .svg", param_hint="--out")
     chosen = _load(design, constant)
-    if isinstance(chosen.numerics, FloatSpecification) and not schedule and out is None:
-        found = float_numbers(chosen.model, chosen.algorithm, chosen.numerics)
-        typer.echo(print_graph(found.graph) if graph else float_tables(chosen, found), nl=not graph)
-        return
     typed, plan = planned_design(chosen)
     if out is not None:
         _draw(chosen, plan, out)
@@ -244,9 +239,12 @@ def show(
     if not graph and not schedule:
         proof = None
         if prove:
+            from kalmanhdl.numerics.typed import TypedGraph
             from kalmanhdl.proof.prove import prove as proven
 
-            proof = proven(chosen.model, typed.typed, chosen.fixed_point.coast)
+            numerics, step = chosen.fixed_point, typed.typed
+            assert isinstance(step, TypedGraph)
+            proof = proven(chosen.model, step, numerics.coast)
         typer.echo(design_tables(chosen, typed, plan, proof))
     if out is not None:
         typer.echo(f"schedule: {out}")
@@ -540,6 +538,5 @@ def _hardware(
         hardware = read_build(path)
         return replace(hardware, design=_retargeted(hardware.design, seeds=seeds, grade=grade, device=device))
     design = _retargeted(_load(path, constants), seeds=seeds, grade=grade, device=device)
-    _ = design.fixed_point
     prepare(place=place, progress=progress)
     return compile_design(design, progress)

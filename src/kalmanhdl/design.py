@@ -168,9 +168,9 @@ class Design:
 
     @property
     def fixed_point(self) -> FixedSpecification:
-        """The numerics of hardware. Raises DesignError where they are floating point."""
+        """The numerics of word lengths. Raises DesignError where they are floating point."""
         if isinstance(self.numerics, FloatSpecification):
-            problem = ' = "float": floating-point hardware is not there yet: simulate it, or build "fixed"'
+            problem = ' = "float": word lengths and consistency are for fixed point only: use "fixed"'
             raise InvalidValueError("numerics", "kind", problem)
         return self.numerics
 

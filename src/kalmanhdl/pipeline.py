@@ -5,10 +5,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design import Architecture, Design
 from kalmanhdl.errors import ScheduleError
-from kalmanhdl.numerics.floating import FloatNumbers, FloatSpecification, float_numbers
+from kalmanhdl.graph.operations import Binary, Function, Unary
+from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.interface import Interface, interface
 from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.modulo import schedule
@@ -43,7 +46,7 @@ class Hardware:
     """A design down to its Verilog, and the seconds that its stages took."""
 
     design: Design
-    numbers: Numbers
+    numbers: Numbers | FloatNumbers
     plan: Plan
     interface: Interface
     verilog: str
@@ -54,16 +57,16 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
     """Model, algorithm, graph, numerics, schedule, RTL.
 
     Raises:
-        DesignError: the numerics are floating point, for which there is no hardware yet.
+        DesignError: floating point is asked of a function for which there is no such hardware.
         FormatError, ScheduleError, ToolError: see the stages.
     """
     seconds: dict[str, float] = {}
     with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
-        typed = fixed_numbers(design)
+        typed = numbers_of(design)
     with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
     with timed(seconds, "rtl", progress, "writing Verilog"):
-        verilog = verilog_of(design, plan, typed)
+        verilog = verilog_of(design, plan)
     return Hardware(
         design=design,
         numbers=typed,
@@ -74,11 +77,19 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
     )
 
 
-def planned(design: Design, typed: Numbers) -> Plan:
-    """The schedule of a design, checked by code that does not share a line with the scheduler."""
+def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
+    """The schedule of a design, checked by code that does not share a line with the scheduler.
+
+    Raises DesignError for functions that floating-point hardware has not, ScheduleError.
+    """
+    graph, asked = typed.typed, design.architecture
+    if isinstance(graph, FloatGraph):
+        _refuse_functions(graph)
+        _refuse_fixed_only(asked)
+    else:
+        graph = replace(graph, logic_product=asked.multiplier)
     part = device(design.target.device, design.target.grade)
-    step = replace(typed.typed, logic_product=design.architecture.multiplier)
-    plan = schedule(step, part, wanted(design.architecture, part))
+    plan = schedule(graph, part, wanted(asked, part))
     found = problems(plan, part)
     if found:
         raise ScheduleError(f"{design.name}: the schedule is wrong: {found[0]}")
@@ -105,7 +116,23 @@ def wanted(architecture: Architecture, part: Device) -> Wanted:
     )
 
 
-def verilog_of(design: Design, plan: Plan, typed: Numbers) -> str:
+def _refuse_fixed_only(wanted: Architecture) -> None:
+    if wanted.multiplier is LogicProduct.WALLACE:
+        problem = ' = "wallace": floating-point products are made of Booth rows: use "booth"'
+        raise InvalidValueError("architecture", "multiplier", problem)
+
+
+def _refuse_functions(typed: FloatGraph) -> None:
+    for operation in typed.graph.operations:
+        if isinstance(operation, Unary | Binary) and operation.function is not Function.SQUARE_ROOT:
+            problem = (
+                f' = "float": there is no floating-point hardware of the function '
+                f'{operation.function.value}: simulate the design, or build it in "fixed"'
+            )
+            raise InvalidValueError("numerics", "kind", problem)
+
+
+def verilog_of(design: Design, plan: Plan) -> str:
     """The Verilog of a plan, as the user gets it."""
     # Amaranth takes a third of a second to import; who only simulates does not need it.
     from kalmanhdl.rtl.filter import Filter
@@ -145,7 +172,7 @@ def fixed_numbers(design: Design) -> Numbers:
     return numbers(design.model, design.algorithm, design.fixed_point, on_multipliers=shared)
 
 
-def simulate(design: Design, plots: Plots, typed: Numbers | None = None) -> Simulation:
+def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None = None) -> Simulation:
     """Float reference and bit-exact engine side by side on data."""
     return run_side_by_side(design.model, design.algorithm(design.model), typed or numbers_of(design), plots)
 
@@ -190,7 +217,8 @@ def verify(
         ("model", (Section(steps=from_model(model, typed, half, tracks, seed)),)),
         ("random", random_sections(plan, shown, half, seed + 1)),
     ]
-    if steps >= WALKING_STEPS and (found := walks(typed, seed)):
+    # What drives integers to their limits is searched for; a number in floating point has none so near.
+    if steps >= WALKING_STEPS and isinstance(typed, TypedGraph) and (found := walks(typed, seed)):
         ways = (walking(typed, found, tracks, seed, calm=calm) for calm in (True, False))
         runs.append(("walks", tuple(Section(steps=steps) for steps in ways)))
     if plots is not None:

@@ -15,7 +15,7 @@ from kalmanhdl.explore.monte_carlo import MonteCarlo
 from kalmanhdl.explore.search import Found
 from kalmanhdl.explore.sweep import Row, as_records
 from kalmanhdl.model.model import Model
-from kalmanhdl.numerics.floating import FloatNumbers
+from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers
 from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.proof.prove import Proof
@@ -191,7 +191,9 @@ def reproduction_table(found: Reproduction) -> str:
     return f"{found.title}\n\n{_aligned([found.columns, *found.rows])}\n\n{notes}"
 
 
-def design_tables(design: Design, numbers: Numbers, plan: Plan, proof: Proof | None = None) -> str:
+def design_tables(
+    design: Design, numbers: Numbers | FloatNumbers, plan: Plan, proof: Proof | None = None
+) -> str:
     """Operations, formats, bounds and schedule of a design, and what was proven of its formats."""
     summary = summarise(plan, device(design.target.device, design.target.grade))
     needed, monitoring = operation_counts(numbers.graph)
@@ -230,21 +232,17 @@ def _turns(summary: Summary) -> list[tuple[str, str]]:
     ]
 
 
-def float_tables(design: Design, numbers: FloatNumbers) -> str:
-    """Operations and format of a design in floating point."""
-    typed = numbers.typed
-    form, (needed, monitoring) = typed.form, operation_counts(numbers.graph)
+def _float_format(typed: FloatGraph) -> str:
+    """The format of a design in floating point."""
+    form = typed.form
     normal, highest = form.real(1 << form.mantissa), form.real(form.highest)
     least = form.real(1) if form.subnormals else normal
-    head = [
-        ("design", f"{design.name}, {design.algorithm.kind}"),
-        ("operations", _counted(needed)),
-        ("", f"{_counted(monitoring) or 'none'} for innovation and NIS alone"),
+    rows = [
         ("format", f"{form}, rounded {form.rounding.value.replace('_', ' ')}"),
         ("", f"from {_decimal(least)}, in full from {_decimal(normal)}, to {_decimal(highest)}"),
         ("fused", f"{len(typed.fused)} multiplications with the sum that uses them"),
     ]
-    return _aligned(head)
+    return _aligned(rows)
 
 
 def _decimal(value: Fraction) -> str:
@@ -256,8 +254,10 @@ def _decimal(value: Fraction) -> str:
     return f"{float(scaled):.4g}e{exponent:+03d}"
 
 
-def _formats(design: Design, numbers: Numbers, proof: Proof | None) -> str:
+def _formats(design: Design, numbers: Numbers | FloatNumbers, proof: Proof | None) -> str:
     """Formats, a line each: what their bits above the binary point rest on, and whether they always do."""
+    if isinstance(numbers.typed, FloatGraph):
+        return _float_format(numbers.typed)
     more = () if proof is None else ("proof", "least", "greatest")
     rows: list[Sequence[str]] = [
         ("signal", "role", "format", "last bit", "lowest", "highest", "range by", "overflow", *more)

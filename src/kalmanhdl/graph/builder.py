@@ -39,6 +39,15 @@ class Builder:
         self.origins: list[str] = []
         self._index: dict[Operation, int] = {}
 
+    @classmethod
+    def of(cls, graph: Graph) -> "Builder":
+        """A builder that begins with the operations of a graph, each at its own index."""
+        builder = cls()
+        builder.operations, builder.origins = list(graph.operations), list(graph.origins)
+        for index, operation in enumerate(graph.operations):
+            builder._index.setdefault(operation, index)
+        return builder
+
     def intern(self, operation: Operation) -> int:
         """The index of an operation as it stands, made if it is new."""
         index = self._index.get(operation)

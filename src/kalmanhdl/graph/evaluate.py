@@ -19,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -79,6 +80,8 @@ def _value(operation: Operation, v: list[Any], leaves: Mapping[str, Any]) -> Any
             return (np.mod(raw - form.lowest, 2.0**form.width) + form.lowest) * float(form.resolution)
         case Outside():
             return False
+        case NotFinite(a):
+            return np.logical_not(np.isfinite(v[a]))
         case Negative(a):
             return np.less(v[a], 0)
         case And(a, b):

@@ -171,6 +171,13 @@ class Outside:
 
 
 @dataclass(frozen=True, slots=True)
+class NotFinite:
+    """A flag: a is infinite or no number. Of floating-point graphs; no real and no integer is."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
 class Negative:
     """A flag: a < 0."""
 
@@ -217,11 +224,11 @@ Number = (
     | Quantise
     | Bits
 )
-Boolean = Flag | StateFlag | Outside | Negative | And | Or | Not
+Boolean = Flag | StateFlag | Outside | NotFinite | Negative | And | Or | Not
 Operation = Number | Boolean
 
 _OPERANDS = ("flag", "a", "b")
-_FLAGS = (Flag, StateFlag, Outside, Negative, And, Or, Not)
+_FLAGS = (Flag, StateFlag, Outside, NotFinite, Negative, And, Or, Not)
 
 
 def operands(operation: Operation) -> tuple[int, ...]:

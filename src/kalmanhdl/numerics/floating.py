@@ -12,6 +12,7 @@ from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.arithmetic.floating import EXPONENTS, MANTISSAS, MODES, Float
 from kalmanhdl.errors import FormatError
 from kalmanhdl.graph.balance import balanced
+from kalmanhdl.graph.builder import Builder
 from kalmanhdl.graph.operations import (
     Add,
     Binary,
@@ -21,6 +22,7 @@ from kalmanhdl.graph.operations import (
     Graph,
     Multiply,
     Negative,
+    NotFinite,
     Operation,
     Reciprocal,
     Subtract,
@@ -31,6 +33,7 @@ from kalmanhdl.graph.operations import (
 )
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import cone
+from kalmanhdl.numerics.saturated import NAME, sticky
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.validation import InvalidValueError, shown
 
@@ -92,6 +95,16 @@ class Unbounded:
     running: bool
 
 
+@dataclass(frozen=True, slots=True)
+class FusedSum:
+    """A product and a number that are added, or taken from each other, with one rounding."""
+
+    product: int
+    addend: int
+    minus_product: bool
+    minus_addend: bool
+
+
 @dataclass(frozen=True)
 class FloatGraph:
     """A graph whose numbers are all of one floating-point format.
@@ -99,7 +112,8 @@ class FloatGraph:
     Every operation is its exact result rounded once (see ``arithmetic.floating``); ``Shift`` multiplies by
     a power of two, a ``Reciprocal`` is 1 / a. Of the functions, the square root is rounded once, others are
     the values of ``arithmetic.real_functions``, rounded to the format. Constants are numbers of the format.
-    Multiplications listed in ``fused`` are not rounded: their one user is a fused multiply-add.
+    Multiplications listed in ``fused`` are not rounded: their one user is a fused multiply-add
+    (``fused_sum``).
 
     ``violations`` are the values that must stay finite. ``scales`` gives the real value of one unit of
     each input, state and output.
@@ -110,6 +124,18 @@ class FloatGraph:
     fused: frozenset[int]
     violations: tuple[Unbounded, ...]
     scales: dict[str, float]
+
+    def fused_sum(self, index: int) -> "FusedSum | None":
+        """What a sum that takes a fused product is made of; None for any other operation."""
+        operation = self.graph.operations[index]
+        if not isinstance(operation, Add | Subtract):
+            return None
+        less = isinstance(operation, Subtract)
+        if operation.a in self.fused:
+            return FusedSum(operation.a, operation.b, minus_product=False, minus_addend=less)
+        if operation.b in self.fused:
+            return FusedSum(operation.b, operation.a, minus_product=less, minus_addend=False)
+        return None
 
     @property
     def formats(self) -> tuple[Float | None, ...]:
@@ -152,12 +178,30 @@ def floated(graph: Graph, specification: FloatSpecification, scales: dict[str, f
         _rounded(form, operation, _place(graph, index)) for index, operation in enumerate(graph.operations)
     )
     graph = Graph(rounded, graph.origins, graph.states, graph.outputs)
+    violations = _violations(graph)
     return FloatGraph(
-        graph=graph,
+        graph=_watched(graph, violations),
         form=form,
         fused=_fused(graph) if specification.fused else frozenset(),
-        violations=_violations(graph),
+        violations=violations,
         scales=scales,
+    )
+
+
+def _watched(graph: Graph, violations: tuple[Unbounded, ...]) -> Graph:
+    """The graph with its violations gathered into the flag ``saturated``."""
+    builder = Builder.of(graph)
+    flags = []
+    for violation in violations:
+        flag = builder.intern(NotFinite(violation.value))
+        builder.name(flag, f"not finite: {graph.origins[violation.value]}")
+        flags.append((flag, violation.starting, violation.running))
+    saturated = (NAME, sticky(builder, flags))
+    return Graph(
+        tuple(builder.operations),
+        tuple(builder.origins),
+        (*graph.states, saturated),
+        (*graph.outputs, saturated),
     )
 
 

@@ -29,7 +29,6 @@ from kalmanhdl.graph.operations import (
     Select,
     Shift,
     State,
-    StateFlag,
     Subtract,
     Table,
     Unary,
@@ -41,6 +40,7 @@ from kalmanhdl.numerics.functions.lowering import REACH, lowered
 from kalmanhdl.numerics.functions.method import method_for
 from kalmanhdl.numerics.interval import Typed, least_divisor, reciprocal_interval, smallest, type_of
 from kalmanhdl.numerics.ranges import Ranges, cone
+from kalmanhdl.numerics.saturated import NAME, sticky
 from kalmanhdl.numerics.signals import SignalName, signal_of
 from kalmanhdl.numerics.signed_digits import multiplied
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -418,8 +418,8 @@ class _Lowering:
     ) -> TypedGraph:
         """The typed graph with its violations gathered into the flag ``saturated``."""
         found = self._violations(states, outputs)
-        saturated = self._saturated(found)
-        states, outputs = [*states, ("saturated", saturated)], [*outputs, ("saturated", saturated)]
+        saturated = sticky(self.builder, ((v.outside, v.starting, v.running) for v in found))
+        states, outputs = [*states, (NAME, saturated)], [*outputs, (NAME, saturated)]
         kept = sorted(reachable(self.builder.operations, [index for _, index in (*states, *outputs)]))
         place = {old: new for new, old in enumerate(kept)}
         self.type(next(k for k in reversed(kept) if not is_flag(self.builder.operations[k])))
@@ -498,32 +498,6 @@ class _Lowering:
         form, dropped = operation.form, exact.fraction - operation.form.fraction
         low, high = (rounded(raw, dropped, operation.rounding) for raw in (interval.low, interval.high))
         return bool(low < form.lowest or high > form.highest)
-
-    def _saturated(self, violations: list[Violation]) -> int:
-        """Sticky: a violation in this step, or one before; ``initialise`` forgets those before."""
-        builder = self.builder
-        kept = builder.intern(StateFlag("saturated"))
-        builder.name(kept, "saturated")
-        initialise = next(
-            k for k, op in enumerate(builder.operations) if getattr(op, "name", "") == "initialise"
-        )
-        always = [v.outside for v in violations if v.starting and v.running]
-        starting = [v.outside for v in violations if v.starting and not v.running]
-        running = [kept, *(v.outside for v in violations if v.running and not v.starting)]
-        parts = list(always)
-        if starting:
-            parts.append(builder.both(initialise, self._any(starting)))
-        parts.append(builder.both(builder.opposite(initialise), self._any(running)))
-        result = self._any(parts)
-        for index in range(kept + 1, len(builder.operations)):
-            builder.name(index, "posterior: saturated" if index == result else "posterior: saturated" + TERM)
-        return result
-
-    def _any(self, flags: list[int]) -> int:
-        while len(flags) > 1:
-            pairs = [flags[k : k + 2] for k in range(0, len(flags), 2)]
-            flags = [self.builder.either(*pair) if len(pair) == 2 else pair[0] for pair in pairs]
-        return flags[0]
 
 
 def significant(value: Fraction, bits: int) -> Fraction:

@@ -7,6 +7,7 @@ import re
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.arithmetic.floating import MODES, Float
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.errors import DesignError
 from kalmanhdl.graph.operations import is_flag
@@ -19,11 +20,14 @@ from kalmanhdl.graph.text import (
     print_graph,
     print_name,
 )
+from kalmanhdl.numerics.floating import FloatGraph, Unbounded
 from kalmanhdl.numerics.typed import Interval, TypedGraph, Violation
 
 
-def print_typed_graph(typed: TypedGraph) -> str:
-    """The text of a typed graph."""
+def print_typed_graph(typed: TypedGraph | FloatGraph) -> str:
+    """The text of a typed graph, or of one in floating point."""
+    if isinstance(typed, FloatGraph):
+        return _print_float_graph(typed)
     notes = [
         f"{form} [{interval.low}, {interval.high}]" if form and interval else ""
         for form, interval in zip(typed.formats, typed.intervals, strict=True)
@@ -35,9 +39,21 @@ def print_typed_graph(typed: TypedGraph) -> str:
     return print_graph(typed.graph, notes) + "\n".join(lines) + "\n"
 
 
-def parse_typed_graph(text: str) -> TypedGraph:
-    """The typed graph that ``print_typed_graph`` wrote. Raises DesignError with a line not understood."""
+def _print_float_graph(typed: FloatGraph) -> str:
+    form = typed.form
+    kept = "subnormals" if form.subnormals else "no_subnormals"
+    lines = ["floating", f"{form} {form.rounding.value} {kept}", "fused"]
+    lines += [f"%{index}" for index in sorted(typed.fused)]
+    lines += ["violations", *map(_print_unbounded, typed.violations)]
+    lines += ["scales", *(f"{print_name(name)} = {scale!r}" for name, scale in typed.scales.items())]
+    return print_graph(typed.graph) + "\n".join(lines) + "\n"
+
+
+def parse_typed_graph(text: str) -> TypedGraph | FloatGraph:
+    """The graph that ``print_typed_graph`` wrote. Raises DesignError with a line not understood."""
     found = parse_graph_text(text)
+    if "floating" in found.sections:
+        return _parse_float_graph(found)
     missing = {"division", "multiplication", "violations", "scales"} - found.sections.keys()
     if missing:
         raise DesignError(
@@ -56,6 +72,47 @@ def parse_typed_graph(text: str) -> TypedGraph:
         dict(_parse_scale(*line) for line in found.sections["scales"].lines),
         _parse_product(*found.sections["multiplication"].lines[0]),
     )
+
+
+def _parse_float_graph(found: GraphText) -> FloatGraph:
+    missing = {"fused", "violations", "scales"} - found.sections.keys()
+    if missing:
+        raise DesignError(
+            f"the text has no section {min(missing)!r}: a graph in floating point has fused, violations "
+            "and scales"
+        )
+    return FloatGraph(
+        graph=found.graph,
+        form=_parse_float(*found.sections["floating"].lines[0]),
+        fused=frozenset(_parse_index(*line) for line in found.sections["fused"].lines),
+        violations=tuple(_parse_unbounded(*line) for line in found.sections["violations"].lines),
+        scales=dict(_parse_scale(*line) for line in found.sections["scales"].lines),
+    )
+
+
+def _parse_float(number: int, line: str) -> Float:
+    found = re.fullmatch(r"float\((\d+), (\d+)\) (\w+) (no_)?subnormals", line)
+    if found is None or found[3] not in {mode.value for mode in MODES}:
+        raise misread(number, line, "'float(8, 23) half_even subnormals' or the like")
+    return Float(int(found[1]), int(found[2]), Rounding(found[3]), not found[4])
+
+
+def _parse_index(number: int, line: str) -> int:
+    if not re.fullmatch(r"%\d+", line):
+        raise misread(number, line, "an operation, '%4'")
+    return int(line[1:])
+
+
+def _print_unbounded(violation: Unbounded) -> str:
+    when = [word for word in ("starting", "running") if getattr(violation, word)]
+    return " ".join((f"%{violation.value}", *when))
+
+
+def _parse_unbounded(number: int, line: str) -> Unbounded:
+    found = re.fullmatch(r"%(\d+)( starting)?( running)?", line)
+    if found is None:
+        raise misread(number, line, "'%4 starting running'")
+    return Unbounded(value=int(found[1]), starting=bool(found[2]), running=bool(found[3]))
 
 
 def _parse_notes(found: GraphText) -> tuple[tuple[Fixed | None, ...], tuple[Interval | None, ...]]:

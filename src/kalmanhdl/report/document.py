@@ -15,6 +15,7 @@ from kalmanhdl.design import Architecture
 from kalmanhdl.graph.builder import reachable
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.graph.simplify import counts
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
 from kalmanhdl.report.formats import formats, overflows
@@ -145,19 +146,33 @@ def _rates(summary: Summary, architecture: Architecture, fmax_mhz: float) -> dic
 
 
 def _numerics(record: Record) -> dict[str, Any]:
-    numbers, specification = record.hardware.numbers, record.hardware.design.fixed_point
-    scaling = numbers.scaling
+    numbers, simulation = record.hardware.numbers, record.simulation
+    common = {
+        "scaling": {
+            key: getattr(numbers.scaling, key) for key in ("state", "measurement", "control", "covariance")
+        },
+        "formats": formats(numbers.typed, simulation.trace if simulation else None),
+    }
+    if isinstance(numbers.typed, FloatGraph):
+        return {"kind": "float", **_floating(numbers.typed), **common}
+    specification = record.hardware.design.fixed_point
     return {
+        "kind": "fixed",
         "rounding": specification.rounding.value,
         "overflow": specification.overflow.value,
         "division": {"method": type(numbers.typed.division).__name__, **asdict(numbers.typed.division)},
-        "scaling": {
-            "state": scaling.state,
-            "measurement": scaling.measurement,
-            "control": scaling.control,
-            "covariance": scaling.covariance,
-        },
-        "formats": formats(numbers.typed, record.simulation.trace if record.simulation else None),
+        **common,
+    }
+
+
+def _floating(typed: FloatGraph) -> dict[str, Any]:
+    form = typed.form
+    return {
+        "exponent": form.exponent,
+        "mantissa": form.mantissa,
+        "rounding": form.rounding.value,
+        "subnormals": form.subnormals,
+        "fused": len(typed.fused),
     }
 
 

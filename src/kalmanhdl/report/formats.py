@@ -5,6 +5,7 @@ from typing import Any
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import Input, Quantise, Select, State
 from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.signals import signal_of
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
@@ -12,8 +13,12 @@ from kalmanhdl.proof.prove import Proof
 from kalmanhdl.simulate.engine import Trace
 
 
-def formats(typed: TypedGraph, trace: Trace | None, proof: Proof | None = None) -> list[dict[str, Any]]:
+def formats(
+    typed: TypedGraph | FloatGraph, trace: Trace | None, proof: Proof | None = None
+) -> list[dict[str, Any]]:
     """A row for each input, state, output, and value that is rounded on the way.
+
+    In floating point, where all have one format, there are no rows.
 
     ``unit`` is the real value of one unit of the hardware, so that the last bit is ``resolution`` in the
     model's units; both are None for values on the way. ``used_bits`` is what the data of a
@@ -22,6 +27,8 @@ def formats(typed: TypedGraph, trace: Trace | None, proof: Proof | None = None) 
     that keep its contract, by what is in ``proof``, "reachable" by such tracks, or "flagged", which is not
     known; and ``least`` and ``greatest`` are proven limits, in the model's units where there is a unit.
     """
+    if isinstance(typed, FloatGraph):
+        return []
     rows: list[dict[str, Any]] = []
     known: set[int] = set()
     for role, signals in _named(typed).items():
@@ -48,9 +55,10 @@ def basis(row: dict[str, Any], specification: FixedSpecification, model: Model) 
     return "declared range" if declared else "simulated tracks"
 
 
-def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
+def overflows(typed: TypedGraph | FloatGraph, trace: Trace) -> list[dict[str, Any]]:
     """The values that left their formats: in steps that used them, and in steps that chose another."""
     mattered = trace.violations
+    counts = mattered if isinstance(typed, FloatGraph) else trace.saturations
     return [
         {
             "signal": signal_of(typed.graph.origins[index]).name,
@@ -58,13 +66,15 @@ def overflows(typed: TypedGraph, trace: Trace) -> list[dict[str, Any]]:
             "saturations": mattered.get(index, 0),
             "unused": count - mattered.get(index, 0),
         }
-        for index, count in sorted(trace.saturations.items())
+        for index, count in sorted(counts.items())
         if count
     ]
 
 
-def resolutions(typed: TypedGraph) -> dict[str, float]:
-    """The last bit of every input, state and output, in the model's units."""
+def resolutions(typed: TypedGraph | FloatGraph) -> dict[str, float]:
+    """The last bit of every input, state and output, in the model's units; none in floating point."""
+    if isinstance(typed, FloatGraph):
+        return {}
     named = (pair for signals in _named(typed).values() for pair in signals)
     return {
         name: float(form.resolution) * typed.scales[name]

@@ -4,6 +4,8 @@ from amaranth.hdl import Module, Value
 from amaranth.lib.wiring import Component, In, Out
 
 from kalmanhdl.graph.operations import State, StateFlag
+from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.rtl.float_values import FloatValues
 from kalmanhdl.rtl.interface import INITIALISE_FLAG, Command, Interface
 from kalmanhdl.rtl.layouts import result_layout, shape, step_layout
 from kalmanhdl.rtl.names import identifier
@@ -59,7 +61,8 @@ class Datapath(Component):
         states = {name: getattr(self, identifier(name)) for name, _ in _states(self._plan)}
         units = tuple(SharedUnit(self._plan, number) for number in range(len(self._plan.units)))
         phases = Phases(m, self._plan.interval, max((unit.turns for unit in units), default=1))
-        values = Values(m, phases, self._plan, self._inputs(), states, units)
+        kind = FloatValues if isinstance(self._plan.typed, FloatGraph) else Values
+        values = kind(m, phases, self._plan, self._inputs(), states, units)
         for number, unit in enumerate(units):
             m.submodules[f"{unit.kind}_{number}"] = unit
             take_turns(m, phases, values, unit, f"{unit.kind}_{number}")

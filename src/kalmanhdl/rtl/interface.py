@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.design import Streams
 from kalmanhdl.graph.operations import Flag, Input, is_flag
 from kalmanhdl.rtl.names import identifier
@@ -44,7 +45,7 @@ class Port:
     name: str
     field: str
     signal: str
-    form: Fixed | None
+    form: Fixed | Float | None
 
     @property
     def width(self) -> int:
@@ -54,7 +55,7 @@ class Port:
     @property
     def signed(self) -> bool:
         """Whether the bits are in two's complement."""
-        return self.form is not None and self.form.signed
+        return isinstance(self.form, Fixed) and self.form.signed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +71,7 @@ class StateWrite:
     data: str
     enable: str
     track: str | None
-    form: Fixed | None
+    form: Fixed | Float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +145,7 @@ def track_width(channels: int) -> int:
     return (channels - 1).bit_length()
 
 
-def _port(stream: str, field: str, signal: str, form: Fixed | None) -> Port:
+def _port(stream: str, field: str, signal: str, form: Fixed | Float | None) -> Port:
     return Port(name=f"{stream}_{field}", field=field, signal=signal, form=form)
 
 
@@ -153,7 +154,7 @@ def _present(flag: str) -> str:
     return identifier(re.sub(r"^valid\b", "present", flag))
 
 
-def _form(plan: Plan, index: int) -> Fixed | None:
+def _form(plan: Plan, index: int) -> Fixed | Float | None:
     return None if is_flag(plan.typed.graph.operations[index]) else plan.typed.formats[index]
 
 

@@ -4,13 +4,16 @@ from amaranth import Shape, signed, unsigned
 from amaranth.lib.data import StructLayout
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
 
 
-def shape(form: Fixed | None) -> Shape:
+def shape(form: Fixed | Float | None) -> Shape:
     """The shape of the raw integers of a format; one bit for a flag."""
     if form is None:
         return unsigned(1)
+    if isinstance(form, Float):
+        return unsigned(form.width)
     return signed(form.width) if form.signed else unsigned(form.width)
 
 

@@ -16,6 +16,7 @@ from kalmanhdl.schedule.plan import Plan
 
 def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
     """The core of a multiplication, for operands of these shapes."""
+    assert isinstance(plan.typed, TypedGraph)
     on_block = index in plan.on_multiplier_block
     return Multiplier(a, b, plan.registers[index], on_block, plan.typed.logic_product)
 
@@ -23,6 +24,7 @@ def multiplier(plan: Plan, index: int, a: Shape, b: Shape) -> Multiplier:
 def divider(plan: Plan, index: int) -> LongDivider | TableNewtonReciprocal | ReciprocalTable:
     """The core of a division or, without the port ``dividend``, of a reciprocal."""
     typed, form = plan.typed, plan.typed.formats[index]
+    assert isinstance(typed, TypedGraph)
     assert isinstance(form, Fixed)
     reads = tuple(_operand(plan, k) for k in operands(typed.graph.operations[index]))
     return division(typed, reads, form, plan.registers[index], index in plan.on_multiplier_block)
@@ -44,6 +46,7 @@ def division(
 
 
 def _operand(plan: Plan, index: int) -> Operand:
+    assert isinstance(plan.typed, TypedGraph)
     form, interval = plan.typed.formats[index], plan.typed.intervals[index]
     assert form is not None
     assert interval is not None

@@ -2,10 +2,14 @@
 
 from collections.abc import Callable
 
-from amaranth.hdl import Module, Signal
+from amaranth.hdl import Cat, Const, Module, Signal, Value
 from amaranth.lib.wiring import Component, In, Out
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import Add
+from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.rtl.float_operators import core as float_core
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.operators import division
 from kalmanhdl.rtl.shapes import fitted, shape_of
@@ -26,6 +30,7 @@ class SharedUnit(Component):
         self._plan, self.unit = plan, unit
         self.core: Core = core(plan.typed, unit.kind, plan.sharing.operations[unit.kind])
         self.choices: tuple[Port, ...] = ports(plan, unit)
+        self._operations = plan.typed.graph.operations
         self._registers = plan.registers[unit.operations[0]] - 1
         operands = {f"operand_{k}": In(shape_of(one.form)) for k, one in enumerate(self.core.operands)}
         sign = {"subtract": In(1)} if unit.kind in ("add", "subtract") else {}
@@ -59,27 +64,50 @@ class SharedUnit(Component):
             "add": self._adds,
             "subtract": self._adds,
         }.get(self.unit.kind, self._divides)
+        if isinstance(self._plan.typed, FloatGraph):
+            build = self._computes
         build(m, taken)
         return m
 
+    def _computes(self, m: Module, taken: list[Signal]) -> None:
+        """In floating point; a difference is a sum with a number of the other sign."""
+        sums = [k for k in self.unit.operations if isinstance(self._operations[k], Add)]
+        m.submodules.core = inner = float_core(self._plan, (sums or self.unit.operations)[0], self._registers)
+        if len(taken) == 2:
+            sign = self._subtracts(m) ^ bool(not sums and self.unit.kind in ("add", "subtract"))
+            b = taken[1]
+            m.d.comb += inner.b.eq(Cat(b[:-1], b[-1] ^ sign))
+        m.d.comb += [inner.a.eq(taken[0]), self.result.eq(inner.result)]
+
+    def _subtracts(self, m: Module) -> Value:
+        """Whether the operation that was taken is a difference."""
+        if "subtract" not in self.signature.members:
+            return Const(0, 1)
+        subtract = Signal(name="taken_subtract", reset_less=True)
+        m.d.sync += subtract.eq(self.subtract)
+        return subtract
+
     def _multiplies(self, m: Module, taken: list[Signal]) -> None:
+        typed = self._plan.typed
+        assert isinstance(typed, TypedGraph)
         on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
         a, b = (shape_of(one.form) for one in self.core.operands)
         m.submodules.core = inner = Multiplier(
-            a, b, self._registers, on_block, self._plan.typed.logic_product
+            a, b, self._registers, on_block, typed.logic_product
         )
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1]), self.result.eq(inner.product)]
 
     def _adds(self, m: Module, taken: list[Signal]) -> None:
-        subtract = Signal(name="taken_subtract", reset_less=True)
-        m.d.sync += subtract.eq(self.subtract)
+        subtract = self._subtracts(m)
         width = self.form.width
         other = fitted(taken[1], width, True) ^ subtract.replicate(width).as_signed()
         m.d.comb += self.result.eq(taken[0] + other + subtract)
 
     def _divides(self, m: Module, taken: list[Signal]) -> None:
+        typed = self._plan.typed
+        assert isinstance(typed, TypedGraph)
         on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
-        inner = division(self._plan.typed, self.core.operands, self.form, self._registers, on_block)
+        inner = division(typed, self.core.operands, self.form, self._registers, on_block)
         m.submodules.core = inner
         if len(taken) == 2:
             m.d.comb += inner.dividend.eq(taken[0])

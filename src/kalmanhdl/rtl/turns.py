@@ -73,7 +73,7 @@ class _Chosen:
             )
             if isinstance(operation, Constant):
                 assert form is not None
-                raw = int(operation.value / form.resolution) << read.shift
+                raw = form.nearest(operation.value) << read.shift
                 words[read.cycle % self._plan.interval] = raw & ((1 << width) - 1)
         return self._phases.table(f"{self._name}_constant", words, width)
 

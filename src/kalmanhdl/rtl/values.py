@@ -1,4 +1,4 @@
-"""The values of all operations of a plan, each built in its cycle from what it reads."""
+"""The values of all operations of a plan in integers, each built in its cycle from what it reads."""
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -19,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -32,6 +33,7 @@ from kalmanhdl.graph.operations import (
     Table,
     Unary,
 )
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl import exact
 from kalmanhdl.rtl.exact import Number
 from kalmanhdl.rtl.layouts import shape
@@ -154,7 +156,7 @@ class Values:
                 return self._named(index, self._row(index, a, rows), start)
             case Multiply():
                 return self._named(index, self._product(index, operation), self.plan.end(index))
-            case Unary() | Binary():
+            case Unary() | Binary() | NotFinite():
                 raise AssertionError(f"{operation} in a graph of integers")
             case Divide() | Reciprocal():
                 return self._named(index, self._quotient(index, operation), self.plan.end(index))
@@ -205,6 +207,7 @@ class Values:
             value = aligned(self.at(a, start), fraction, form, rounding)
             name = f"{self._names[index]}_rounded"
             self._roundings[key] = named(self._m, f"{name}_c{start}", value)
+        assert isinstance(self.plan.typed, TypedGraph)
         interval = self.plan.typed.intervals[a]
         assert interval is not None
         low, high = (
@@ -250,5 +253,5 @@ class Values:
 
     def _form(self, index: int) -> Fixed:
         form = self.plan.typed.formats[index]
-        assert form is not None
+        assert isinstance(form, Fixed)
         return form

@@ -9,6 +9,7 @@ from amaranth.hdl._nir import Netlist
 from amaranth.lib.wiring import Component
 
 from kalmanhdl import __version__
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.design import Streams
 from kalmanhdl.rtl.context import banks
 from kalmanhdl.rtl.datapath import result_cycle
@@ -104,6 +105,8 @@ def _tag(stream: str, plan: Plan, shown: Interface) -> Iterator[str]:
 def _port(port: Port, plan: Plan) -> str:
     if port.form is None:
         return f"  {_columns(port.name, 'u1', port.signal)}"
+    if isinstance(port.form, Float):
+        return f"  {_columns(port.name, f'u{port.width}', f'{port.signal}, {port.form}')}"
     kind = f"{'s' if port.signed else 'u'}{port.width}"
     scale = plan.typed.scales.get(port.signal, 1.0)
     # float() of an exact power of two times the scale: the same text on every machine.

@@ -7,6 +7,7 @@ from math import ceil
 
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.operations import Multiply
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operators import is_multiplier
 from kalmanhdl.schedule.placement import CYCLE_BITS, Pace, pace, step_of
@@ -28,7 +29,7 @@ FEW = ("multiply", "divide", "reciprocal")
 class Task:
     """A step to be scheduled at a period of so many picoseconds."""
 
-    typed: TypedGraph
+    typed: TypedGraph | FloatGraph
     device: Device
     on_block: frozenset[int]
     period: int

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from kalmanhdl.graph.operations import Constant
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.results import Wire, Wires
 from kalmanhdl.schedule.sharing import Sharing, Unit, order
@@ -24,7 +25,11 @@ class _Bound:
 
 
 def bound(
-    typed: TypedGraph, starts: Sequence[int], ends: Sequence[int], interval: int, sharing: Sharing
+    typed: TypedGraph | FloatGraph,
+    starts: Sequence[int],
+    ends: Sequence[int],
+    interval: int,
+    sharing: Sharing,
 ) -> tuple[Unit, ...]:
     """The operators with their operations.
 

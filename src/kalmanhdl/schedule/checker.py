@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kalmanhdl.graph.operations import Constant, Flag, Input, State, StateFlag, operands
-from kalmanhdl.schedule.operators import Operator, operators, picoseconds
+from kalmanhdl.schedule.operator import Operator, picoseconds
+from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.target.device import Device
 

@@ -8,19 +8,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kalmanhdl.graph.operations import Constant, Flag, Graph, Input, State, StateFlag, operands
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.placement import CYCLE_BITS, OFFSET_MASK, Pace
 
 
-def widths(typed: TypedGraph) -> list[int]:
-    """Bits that a register for each value takes; none for constants."""
+def widths(typed: TypedGraph | FloatGraph) -> list[int]:
+    """Bits that a register for each value takes: none for constants, both factors' for fused products."""
+    pairs = typed.fused if isinstance(typed, FloatGraph) else frozenset[int]()
     return [
-        0 if isinstance(operation, Constant) else form.width if form else 1
-        for operation, form in zip(typed.graph.operations, typed.formats, strict=True)
+        0 if isinstance(operation, Constant) else form.width * (1 + (index in pairs)) if form else 1
+        for index, (operation, form) in enumerate(zip(typed.graph.operations, typed.formats, strict=True))
     ]
 
 
-def held_bits(typed: TypedGraph, starts: Sequence[int], ends: Sequence[int], stand: int = 1) -> int:
+def held_bits(
+    typed: TypedGraph | FloatGraph, starts: Sequence[int], ends: Sequence[int], stand: int = 1
+) -> int:
     """Register bits between operators of a step, when each register stands for so many cycles."""
     last = last_reads(typed.graph, starts, ends)
     return sum(
@@ -47,7 +51,7 @@ def last_reads(graph: Graph, starts: Sequence[int], ends: Sequence[int]) -> list
 
 
 def with_fewer_registers(
-    typed: TypedGraph, pace: Pace, starts: list[int], times: list[int], distance: int
+    typed: TypedGraph | FloatGraph, pace: Pace, starts: list[int], times: list[int], distance: int
 ) -> list[int]:
     """Start cycles that hold fewer bits, with the same last cycle and the same period.
 
@@ -91,7 +95,9 @@ class _Sweep:
     latest: list[int]
 
     @classmethod
-    def over(cls, typed: TypedGraph, pace: Pace, starts: list[int], times: list[int]) -> "_Sweep":
+    def over(
+        cls, typed: TypedGraph | FloatGraph, pace: Pace, starts: list[int], times: list[int]
+    ) -> "_Sweep":
         """The schedule to begin with."""
         graph, bits = typed.graph, widths(typed)
         ends = [time >> CYCLE_BITS for time in times]

@@ -1,12 +1,13 @@
 """Modulo scheduling: one step laid out so that the next can be issued ``interval`` cycles later."""
 
 from kalmanhdl.errors import ScheduleError
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.allocation import Allocation, Task, allocated
 from kalmanhdl.schedule.binding import bound as bound_units
 from kalmanhdl.schedule.lifetimes import with_fewer_registers
 from kalmanhdl.schedule.multipliers import on_blocks
-from kalmanhdl.schedule.operators import picoseconds
+from kalmanhdl.schedule.operator import picoseconds
 from kalmanhdl.schedule.placement import Pace, Step, earliest, pace, step_of, tight
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence
@@ -14,7 +15,7 @@ from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.target.device import Device
 
 
-def schedule(typed: TypedGraph, device: Device, wanted: Wanted) -> Plan:
+def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> Plan:
     """Lay one step out in clock cycles.
 
     Without shared operators ``interval`` None is the least that lets every track run at its recurrence
@@ -57,7 +58,9 @@ def schedule(typed: TypedGraph, device: Device, wanted: Wanted) -> Plan:
     )
 
 
-def _plan(typed: TypedGraph, wanted: Wanted, on_block: frozenset[int], found: Allocation) -> Plan:
+def _plan(
+    typed: TypedGraph | FloatGraph, wanted: Wanted, on_block: frozenset[int], found: Allocation
+) -> Plan:
     turns, at = found.turns, tight(found.pace, found.turns.times)
     ends = [start + held for start, held in zip(turns.starts, at.registers, strict=True)]
     return Plan(

@@ -3,12 +3,15 @@
 from collections.abc import Callable, Iterable
 
 from kalmanhdl.graph.operations import Graph, is_flag, operands
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operators import is_multiplier, operators
 from kalmanhdl.target.device import Device
 
 
-def on_blocks(typed: TypedGraph, device: Device, limit: int | None, outputs_in_logic: bool) -> frozenset[int]:
+def on_blocks(
+    typed: TypedGraph | FloatGraph, device: Device, limit: int | None, outputs_in_logic: bool
+) -> frozenset[int]:
     """The operations that multiply on blocks, at most ``limit`` blocks of them.
 
     Multiplications by a few bits never do. What no number of the state depends on leaves the blocks

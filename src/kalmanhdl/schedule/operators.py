@@ -1,12 +1,7 @@
-"""The operator library: how long an operation takes on a device, and where registers can cut it.
-
-Delays are whole picoseconds, so that sums compare exactly and schedules do not depend on the order of
-additions.
-"""
+"""The operator library: the hardware of every operation of a graph, in integers or in floating point."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 from math import ceil, log
 from typing import assert_never
 
@@ -21,7 +16,6 @@ from kalmanhdl.arithmetic.division_structure import (
     table_structure,
 )
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, outside, rounded, stands_below
-from kalmanhdl.arithmetic.pipelining import register_places
 from kalmanhdl.arithmetic.product_structure import (
     LogicProduct,
     booth_terms,
@@ -43,6 +37,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Or,
     Outside,
     Quantise,
@@ -56,8 +51,11 @@ from kalmanhdl.graph.operations import (
     Unary,
     operands,
 )
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.signed_digits import FEW_DIGITS
 from kalmanhdl.numerics.typed import Interval, TypedGraph
+from kalmanhdl.schedule.float_operators import float_operator, is_float_multiplier
+from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
 from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing, core
 from kalmanhdl.target.device import Device
 
@@ -70,73 +68,8 @@ _RECODING_WEIGHT = 0.5
 _CARRY_SAVE_WEIGHT = 0.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Operator:
-    """The hardware of one operation: indivisible ``pieces`` of logic in order, in picoseconds.
-
-    A pipeline register can stand between any two pieces; ``weights`` are the delays by which the
-    hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
-
-    A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
-    registers before the first piece.
-    """
-
-    kind: str
-    pieces: tuple[int, ...]
-    weights: tuple[float, ...] = ()
-    blocks: int = 0
-    shared: bool = False
-    fetch: int = 0
-
-    @property
-    def delay(self) -> int:
-        """Picoseconds from operands to value without registers inside."""
-        return sum(self.pieces)
-
-    @property
-    def capacity(self) -> int:
-        """The number of registers that it can hold."""
-        return len(self.pieces) - 1 + self.shared
-
-    def stages(self, registers: int) -> tuple[int, ...]:
-        """The delays of its stages when it holds so many registers, one at least where it is shared."""
-        if self.shared:
-            return (self.fetch, *_stages(self.pieces, self.weights or self.pieces, registers - 1))
-        return _stages(self.pieces, self.weights or self.pieces, registers)
-
-    def fits(self, registers: int, budget: int, tail: int) -> bool:
-        """Whether its stages fit into a budget, the last one followed by so much other logic."""
-        delays = self.stages(registers)
-        return max(delays) <= budget and delays[-1] + tail <= budget
-
-    def shortest_stage(self, tail: int) -> int:
-        """The least budget that it fits into with any number of registers."""
-        least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
-        # From the most registers on, which as a rule reach at once what no number of them can fall below.
-        for registers in range(self.capacity, self.shared - 1, -1):
-            delays = self.stages(registers)
-            least = min(least, max(*delays, delays[-1] + tail))
-            if least == floor:
-                break
-        return least
-
-
-def picoseconds(nanoseconds: float) -> int:
-    """Whole picoseconds."""
-    return round(1000 * nanoseconds)
-
-
-@lru_cache(maxsize=4096)
-def _stages(pieces: tuple[int, ...], weights: tuple[float, ...], registers: int) -> tuple[int, ...]:
-    loads = [0]
-    for count, piece in zip(register_places(weights, registers), (*pieces, 0), strict=True):
-        loads += [0] * count
-        loads[-1] += piece
-    return tuple(loads)
-
-
 def operators(
-    typed: TypedGraph, device: Device, on_block: frozenset[int], shared: Sharing = NONE_SHARED
+    typed: TypedGraph | FloatGraph, device: Device, on_block: frozenset[int], shared: Sharing = NONE_SHARED
 ) -> tuple[Operator, ...]:
     """The operator of every operation; those in ``on_block`` multiply on multiplier blocks."""
     turns: dict[int, Operator] = {}
@@ -149,21 +82,35 @@ def operators(
 
 
 def shared_operator(
-    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, count: int, on_block: frozenset[int]
+    typed: TypedGraph | FloatGraph,
+    kind: str,
+    who: tuple[int, ...],
+    device: Device,
+    count: int,
+    on_block: frozenset[int],
 ) -> Operator:
     """The operator on which these operations take turns, one of ``count`` equal ones."""
+    width = max(port.form.width for port in core(typed, kind, who).operands)
+    if isinstance(typed, FloatGraph):
+        inner = float_operator(typed, who[0], device, bool(on_block & frozenset(who)))
+    else:
+        inner = _integer_operator(typed, kind, who, device, on_block)
+    return replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+
+
+def _integer_operator(
+    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, on_block: frozenset[int]
+) -> Operator:
     made = core(typed, kind, who)
     forms = [port.form for port in made.operands]
     match kind:
         case "multiply":
             on_blocks = bool(on_block & frozenset(who))
-            inner = _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
+            return _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
         case "add" | "subtract":
-            inner = Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
+            return Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
         case _:
-            inner = division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
-    width = max(form.width for form in forms)
-    return replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+            return division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
 
 
 def _fetch(device: Device, width: int, turns: int) -> int:
@@ -174,14 +121,16 @@ def _fetch(device: Device, width: int, turns: int) -> int:
     return _delay(device, "context_read", 16) + 2 * select
 
 
-def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> Operator:
+def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_block: bool) -> Operator:
     """The operator of one operation, on multiplier blocks or built from logic."""
+    if isinstance(typed, FloatGraph):
+        return float_operator(typed, index, device, on_block)
     operation = typed.graph.operations[index]
     match operation:
         case Input() | Flag() | State() | StateFlag() | Constant():
-            return Operator(kind=_kind(operation), pieces=(0,))
+            return Operator(kind=kind_of(operation), pieces=(0,))
         case Shift() | Bits() | Not() | Negative():
-            return Operator(kind=_kind(operation), pieces=(0,))
+            return Operator(kind=kind_of(operation), pieces=(0,))
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
         case Multiply(a, b):
@@ -199,14 +148,16 @@ def operator(typed: TypedGraph, index: int, device: Device, on_block: bool) -> O
             return _wired(operation, _delay(device, "select", 1))
         case Divide() | Reciprocal():
             return _quotient(typed, index, device, on_block)
-        case Unary() | Binary():
+        case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")
         case _:
             assert_never(operation)
 
 
-def is_multiplier(typed: TypedGraph, index: int) -> bool:
+def is_multiplier(typed: TypedGraph | FloatGraph, index: int) -> bool:
     """Whether an operation gains from multiplier blocks."""
+    if isinstance(typed, FloatGraph):
+        return is_float_multiplier(typed, index)
     operation = typed.graph.operations[index]
     if isinstance(operation, Reciprocal):
         method = typed.division
@@ -235,13 +186,8 @@ def signed_digits(value: int) -> int:
     return ((3 * magnitude) ^ magnitude).bit_count()
 
 
-def _kind(operation: object) -> str:
-    name = type(operation).__name__
-    return "state_flag" if name == "StateFlag" else name.lower()
-
-
 def _wired(operation: object, delay: int) -> Operator:
-    return Operator(kind=_kind(operation), pieces=(delay,))
+    return Operator(kind=kind_of(operation), pieces=(delay,))
 
 
 def _delay(device: Device, kind: str, size: int) -> int:
@@ -346,7 +292,7 @@ def _quotient(typed: TypedGraph, index: int, device: Device, on_block: bool) -> 
     operation = typed.graph.operations[index]
     assert isinstance(operation, Divide | Reciprocal)
     reads = [_operand(typed, k) for k in operands(operation)]
-    return division(typed, _kind(operation), reads, _number(typed, index), device, on_block)
+    return division(typed, kind_of(operation), reads, _number(typed, index), device, on_block)
 
 
 def division(

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from itertools import chain
 
 from kalmanhdl.graph.operations import Constant, Graph, State, StateFlag, operands
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.operators import Operator, operators, picoseconds
+from kalmanhdl.schedule.operator import Operator, picoseconds
+from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing
 from kalmanhdl.target.device import Device
 
@@ -69,7 +71,7 @@ class Pace:
 
 
 def step_of(
-    typed: TypedGraph,
+    typed: TypedGraph | FloatGraph,
     device: Device,
     channels: int,
     on_block: frozenset[int],

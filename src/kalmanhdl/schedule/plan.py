@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.sharing import Sharing, Unit
 
@@ -26,7 +27,7 @@ class Plan:
     ``registers``. Every other operation has an operator of its own.
     """
 
-    typed: TypedGraph
+    typed: TypedGraph | FloatGraph
     start: tuple[int, ...]
     registers: tuple[int, ...]
     # Operations put on a multiplier block; other multiplications are built from logic.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.graph.operations import Bits, Divide, Negative, Outside, Quantise, Reciprocal, Shift
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 
 
@@ -61,7 +62,7 @@ Wire = FromUnit | Own | Rounded | Moved | Cut
 class Wires:
     """The wire of every operation. ``unit`` gives the shared operator of those that have one."""
 
-    typed: TypedGraph
+    typed: TypedGraph | FloatGraph
     start: Sequence[int]
     end: Sequence[int]
     unit: Mapping[int, int]
@@ -74,6 +75,8 @@ class Wires:
         return self._known[index]
 
     def _wire(self, index: int) -> Wire:
+        if isinstance(self.typed, FloatGraph):
+            return FromUnit(self.unit[index], 0) if index in self.unit else Own(index)
         if index in self.unit:
             form = self.typed.formats[index]
             assert form is not None

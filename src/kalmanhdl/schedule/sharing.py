@@ -14,6 +14,7 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.kinds import KINDS, kind_of, limit
 from kalmanhdl.graph.operations import Add, Constant, Divide, Multiply, Reciprocal, Subtract, operands
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 
 
@@ -55,7 +56,7 @@ class Core:
     form: Fixed
 
 
-def sharing(typed: TypedGraph, units: Mapping[str, int], own: Iterable[int] = ()) -> Sharing:
+def sharing(typed: TypedGraph | FloatGraph, units: Mapping[str, int], own: Iterable[int] = ()) -> Sharing:
     """Who shares what when there are at most so many operators of a kind.
 
     Where there are no more operations than operators each has its own. Operations in ``own`` never share.
@@ -64,7 +65,7 @@ def sharing(typed: TypedGraph, units: Mapping[str, int], own: Iterable[int] = ()
     for kind in units:
         if kind not in KINDS:
             raise ScheduleError(f"architecture.units.{kind} is unknown: kinds are {', '.join(KINDS)}")
-    apart = frozenset(own)
+    apart = frozenset((*own, *_fused(typed)))
     found: dict[str, list[int]] = {}
     for index, operation in enumerate(typed.graph.operations):
         word = kind_of(operation, units)
@@ -79,11 +80,11 @@ def sharing(typed: TypedGraph, units: Mapping[str, int], own: Iterable[int] = ()
     return Sharing(counts={kind: counts[kind] for kind in shared}, operations=shared)
 
 
-def _check_alike(typed: TypedGraph, kind: str, who: tuple[int, ...]) -> None:
+def _check_alike(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> None:
     """Reciprocals by Newton's steps share an operator when their results have equally many digits."""
-    method = typed.division
-    if kind != "reciprocal" or not isinstance(method, TableNewton):
+    if isinstance(typed, FloatGraph) or kind != "reciprocal" or not isinstance(typed.division, TableNewton):
         return
+    method = typed.division
     digits = {method.fractions(_form(typed, index)) for index in who}
     if len(digits) > 1:
         raise ScheduleError(
@@ -92,16 +93,20 @@ def _check_alike(typed: TypedGraph, kind: str, who: tuple[int, ...]) -> None:
         )
 
 
-def core(typed: TypedGraph, kind: str, who: tuple[int, ...]) -> Core:
+def core(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> Core:
     """The operator on which all these operations can take turns."""
+    if isinstance(typed, FloatGraph):
+        return _encoded_core(typed, kind, who)
     reads = [_operands_at_port(typed, index, who) for index in who]
     ports = tuple(_union(port) for port in zip(*reads, strict=True))
     return Core(kind=kind, operands=ports, form=_result(typed, kind, who, ports))
 
 
-def shifts(typed: TypedGraph, index: int, who: tuple[int, ...]) -> tuple[int, ...]:
+def shifts(typed: TypedGraph | FloatGraph, index: int, who: tuple[int, ...]) -> tuple[int, ...]:
     """By how many bits each operand is shifted left at the ports of the operator shared by ``who``."""
     operation = typed.graph.operations[index]
+    if isinstance(typed, FloatGraph):
+        return (0,) * len(operands(operation))
     match operation:
         case Add(a, b) | Subtract(a, b):
             fraction = _form(typed, index).fraction
@@ -114,16 +119,31 @@ def shifts(typed: TypedGraph, index: int, who: tuple[int, ...]) -> tuple[int, ..
             return (0,) * len(operands(operation))
 
 
+def _fused(typed: TypedGraph | FloatGraph) -> list[int]:
+    """Products that are not rounded, and the sums that take them."""
+    if not isinstance(typed, FloatGraph):
+        return []
+    sums = range(len(typed.graph.operations))
+    return [*typed.fused, *(k for k in sums if typed.fused_sum(k) is not None)]
+
+
+def _encoded_core(typed: FloatGraph, kind: str, who: tuple[int, ...]) -> Core:
+    """An operator on encoded numbers, which are words."""
+    word = Fixed(width=typed.form.width, fraction=0, signed=False)
+    count = len(operands(typed.graph.operations[who[0]]))
+    return Core(kind=kind, operands=(Operand(form=word, low=0, high=word.highest),) * count, form=word)
+
+
 def exponent(typed: TypedGraph, who: tuple[int, ...]) -> int:
     """The exponent of a shared division: its raw result is 2**exponent times the quotient of its raws."""
     return max(_exponent(typed, index) for index in who)
 
 
-def order(typed: TypedGraph, index: int) -> tuple[int, ...]:
+def order(typed: TypedGraph | FloatGraph, index: int) -> tuple[int, ...]:
     """The operands of an operation in the order of the ports: a product's narrower one, or constant, last."""
     operation = typed.graph.operations[index]
     reads = operands(operation)
-    if isinstance(operation, Multiply):
+    if isinstance(operation, Multiply) and isinstance(typed, TypedGraph):
         return tuple(sorted(reads, key=lambda k: (_is_constant(typed, k), -_form(typed, k).width)))
     return reads
 

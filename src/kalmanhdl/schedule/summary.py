@@ -17,7 +17,8 @@ from kalmanhdl.graph.operations import (
     operands,
 )
 from kalmanhdl.schedule.lifetimes import held_bits, widths
-from kalmanhdl.schedule.operators import operators, picoseconds
+from kalmanhdl.schedule.operator import picoseconds
+from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.placement import pace, step_of
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence

@@ -18,6 +18,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -42,7 +43,7 @@ def interpret_float(typed: FloatGraph, given: Mapping[str, int], state: Mapping[
     values: list[int] = []
     named = {**given, **state}
     for index, operation in enumerate(typed.graph.operations):
-        values.append(0 if index in typed.fused else int(_value(typed, operation, values, named)))
+        values.append(0 if index in typed.fused else int(_value(typed, index, operation, values, named)))
     unbounded = (v.value for v in typed.violations if not _is_finite(typed.form, values[v.value]))
     return Step(tuple(values), frozenset(unbounded))
 
@@ -51,7 +52,9 @@ def _is_finite(form: Float, raw: int) -> bool:
     return form.magnitude(raw) < form.infinity
 
 
-def _value(typed: FloatGraph, operation: Operation, values: list[int], named: Mapping[str, int]) -> int:
+def _value(
+    typed: FloatGraph, index: int, operation: Operation, values: list[int], named: Mapping[str, int]
+) -> int:
     form = typed.form
     match operation:
         case Input(name) | State(name):
@@ -61,7 +64,7 @@ def _value(typed: FloatGraph, operation: Operation, values: list[int], named: Ma
         case Constant(value):
             return form.nearest(value)
         case Add(a, b) | Subtract(a, b):
-            return _sum(typed, a, b, isinstance(operation, Subtract), values)
+            return _sum(typed, index, a, b, isinstance(operation, Subtract), values)
         case Multiply(a, b):
             return floating.multiply(form, values[a], values[b])
         case Shift(a, exponent):
@@ -78,6 +81,8 @@ def _value(typed: FloatGraph, operation: Operation, values: list[int], named: Ma
             return form.nearest(rows[row_index(form, values[a], len(rows))])
         case Select(flag, a, b):
             return values[a] if values[flag] else values[b]
+        case NotFinite(a):
+            return not _is_finite(form, values[a])
         case Negative(a):
             return floating.is_negative(form, values[a])
         case And(a, b):
@@ -92,21 +97,18 @@ def _value(typed: FloatGraph, operation: Operation, values: list[int], named: Ma
             assert_never(never)
 
 
-def _sum(typed: FloatGraph, a: int, b: int, is_difference: bool, values: list[int]) -> int:
-    form, operations = typed.form, typed.graph.operations
+def _sum(typed: FloatGraph, index: int, a: int, b: int, is_difference: bool, values: list[int]) -> int:
+    form = typed.form
 
     def signed(operand: int, negative: bool) -> int:
         return floating.negate(form, values[operand]) if negative else values[operand]
 
-    for product, negated, other, other_negated in (
-        (a, False, b, is_difference),
-        (b, is_difference, a, False),
-    ):
-        if product in typed.fused:
-            factors = operations[product]
-            assert isinstance(factors, Multiply)
-            first, added = signed(factors.a, negated), signed(other, other_negated)
-            return floating.fused_multiply_add(form, first, values[factors.b], added)
+    fused = typed.fused_sum(index)
+    if fused is not None:
+        factors = typed.graph.operations[fused.product]
+        assert isinstance(factors, Multiply)
+        first, added = signed(factors.a, fused.minus_product), signed(fused.addend, fused.minus_addend)
+        return floating.fused_multiply_add(form, first, values[factors.b], added)
     return floating.add(form, values[a], signed(b, is_difference))
 
 

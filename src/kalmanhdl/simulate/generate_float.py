@@ -19,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -210,7 +211,7 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
         case Constant(value):
             return lowering.constant(form.nearest(value))
         case Add(a, b) | Subtract(a, b):
-            return _sum(lowering, a, b, isinstance(operation, Subtract))
+            return _sum(lowering, index, a, b, isinstance(operation, Subtract))
         case Multiply(a, b):
             return lowering.call("multiply", number(a), number(b))
         case Shift(a, exponent):
@@ -227,6 +228,8 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return _row(lowering, number(a), [form.nearest(row) for row in rows])
         case Select(condition, a, b):
             return lowering.call("select", flag(condition).c, number(a), number(b))
+        case NotFinite(a):
+            return writer.flag(f"unbounded_{lowering.type}({number(a)})")
         case Negative(a):
             return writer.flag(f"negative_{lowering.type}({number(a)})")
         case And(a, b):
@@ -241,21 +244,18 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             assert_never(never)
 
 
-def _sum(lowering: _Lowering, a: int, b: int, is_difference: bool) -> str:
+def _sum(lowering: _Lowering, index: int, a: int, b: int, is_difference: bool) -> str:
     typed, number = lowering.typed, lowering.number
 
     def signed(index: int, negative: bool) -> str:
         return lowering.call("negate", number(index)) if negative else number(index)
 
-    for product, negated, other, other_negated in (
-        (a, False, b, is_difference),
-        (b, is_difference, a, False),
-    ):
-        if product in typed.fused:
-            factors = typed.graph.operations[product]
-            assert isinstance(factors, Multiply)
-            first, added = signed(factors.a, negated), signed(other, other_negated)
-            return lowering.call("fused", first, number(factors.b), added)
+    fused = typed.fused_sum(index)
+    if fused is not None:
+        factors = typed.graph.operations[fused.product]
+        assert isinstance(factors, Multiply)
+        first, added = signed(factors.a, fused.minus_product), signed(fused.addend, fused.minus_addend)
+        return lowering.call("fused", first, number(factors.b), added)
     return lowering.call("subtract" if is_difference else "add", number(a), number(b))
 
 

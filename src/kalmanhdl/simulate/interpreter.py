@@ -21,6 +21,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -127,7 +128,7 @@ def _evaluate(
             return values[a] | values[b], False
         case Not(a):
             return 1 - values[a], False
-        case Unary() | Binary():
+        case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
             assert_never(never)

@@ -19,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Multiply,
     Negative,
     Not,
+    NotFinite,
     Operation,
     Or,
     Outside,
@@ -125,7 +126,7 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
             return flag(a) | flag(b)
         case Not(a):
             return flag(a).negated()
-        case Unary() | Binary():
+        case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
             assert_never(never)

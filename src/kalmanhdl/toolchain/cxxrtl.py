@@ -27,7 +27,9 @@ _RUNTIME = "cxxrtl/cxxrtl.h"
 # Who gcc says it is by.
 _GCC = "Free Software Foundation"
 # CXXRTL takes a wire as a whole: one whose bits depend on each other looks like a loop until it is split.
-_SPLIT = ("flatten", "opt_clean", "splitnets -driver", "opt_clean")
+# Those that are watched must stay whole, which ports do.
+_WHOLE = "expose w:* a:keep %i"
+_SPLIT = ("flatten", "opt_clean", _WHOLE, "splitnets -driver", "opt_clean")
 _FASTER = (
     # The harness never asks what changed: to copy a register is faster than to compare it first.
     (re.compile(r"if \((p_\w+)\.commit\(observer\)\) changed = true;"), r"\1.curr = \1.next;"),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.errors import VerificationError
 from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
 from kalmanhdl.schedule.plan import Plan
@@ -282,8 +283,10 @@ def _words(values: Integers, width: int) -> Words:
     return limbs
 
 
-def _values(words: Words, width: int, form: Fixed | None) -> Integers:
+def _values(words: Words, width: int, form: Fixed | Float | None) -> Integers:
     """Raw integers from the words of a port."""
+    if isinstance(form, Float):
+        return words[:, 0] if width <= 64 else from_limbs(words)
     signed = form is not None and form.signed
     if width > 64:
         raws = from_limbs(words)

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.graph.operations import Flag, Input
 from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.ranges import STEPS, simulated
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.interface import Interface
@@ -58,7 +60,7 @@ class Steps:
         return np.asarray(self.commands != Command.NONE)
 
 
-def from_plots(model: Model, typed: TypedGraph, plots: Plots, channels: int) -> Steps:
+def from_plots(model: Model, typed: TypedGraph | FloatGraph, plots: Plots, channels: int) -> Steps:
     """The steps of data, row by row; more tracks than channels take turns, one group after the other."""
     stimulus = stimulus_of(model, typed, plots)
     given = _grouped(stimulus.commands, channels, Command.NONE)
@@ -81,7 +83,7 @@ def _grouped(array: NDArray[Any], channels: int, filling: int) -> NDArray[Any]:
     return wide.reshape(rows, groups, channels).swapaxes(0, 1).reshape(groups * rows, channels)
 
 
-def from_model(model: Model, typed: TypedGraph, count: int, channels: int, seed: int) -> Steps:
+def from_model(model: Model, typed: TypedGraph | FloatGraph, count: int, channels: int, seed: int) -> Steps:
     """``count`` steps of tracks that the model itself draws, started anew every few dozen rows."""
     rows = -(-count // channels)
     blocks = -(-rows // STEPS)
@@ -115,7 +117,13 @@ def _first(given: NDArray[np.int8], count: int) -> NDArray[np.int8]:
 
 
 def random_steps(
-    typed: TypedGraph, count: int, channels: int, seed: int, *, in_turn: bool = False, few: bool = False
+    typed: TypedGraph | FloatGraph,
+    count: int,
+    channels: int,
+    seed: int,
+    *,
+    in_turn: bool = False,
+    few: bool = False,
 ) -> Steps:
     """``count`` steps of raw numbers from anywhere in their formats.
 
@@ -280,8 +288,29 @@ def _seed(random: np.random.Generator) -> int:
     return int(random.integers(1 << 32))
 
 
-def _anywhere(random: np.random.Generator, form: Fixed, shape: tuple[int, int]) -> Integers:
+# Of random numbers in floating point, those whose exponents are anywhere, and those at the limits.
+_FAR, _LIMITS = 0.03, 0.02
+
+
+def _floats(random: np.random.Generator, form: Float, shape: tuple[int, int]) -> Integers:
+    """Encoded numbers: as a rule near one; some anywhere, not numbers among them, some at the limits."""
+    bits = [1 << k for k in range(form.width)]
+    anywhere = (random.integers(0, 2, (*shape, form.width)).astype(object) * bits).sum(axis=-1)
+    spread = min(form.bias, 1 + form.mantissa // 2)
+    exponents = form.bias + random.integers(-spread, spread, shape).astype(object)
+    fraction = anywhere & ((1 << form.mantissa) - 1)
+    near = exponents << form.mantissa | fraction | anywhere & form.sign
+    limits = [0, form.sign, 1, 1 << form.mantissa, form.highest, form.infinity, form.nan, form.nan | 1]
+    kind = random.random(shape)
+    drawn = np.where(kind < _FAR + _LIMITS, anywhere, near)
+    drawn = np.where(kind < _LIMITS, random.choice(np.array(limits, object), shape), drawn)
+    return np.asarray(drawn.astype(np.uint64) if form.width <= 64 else drawn)
+
+
+def _anywhere(random: np.random.Generator, form: Fixed | Float, shape: tuple[int, int]) -> Integers:
     """Raw integers: half of them anywhere, a quarter small, a quarter at the limits."""
+    if isinstance(form, Float):
+        return _floats(random, form, shape)
     if form.width > 62:
         bits = random.integers(0, 2, (*shape, form.width)).astype(object)
         return np.asarray((bits * [1 << k for k in range(form.width)]).sum(axis=-1) + form.lowest)

@@ -46,6 +46,15 @@ def decoded(m: Module, name: str, form: Float, raw: Value) -> Parts:
     )
 
 
+def canonical(m: Module, name: str, form: Float, raw: Value) -> Value:
+    """An encoded number as it is kept: ``Float.canonical``."""
+    parts = decoded(m, name, form, raw)
+    magnitude = Mux(parts.nan, form.nan, raw[:-1])
+    if not form.subnormals:
+        magnitude = Mux(parts.zero, 0, magnitude)
+    return Cat(magnitude[: form.width - 1], raw[-1] & ~parts.nan)
+
+
 def rounded(chain: Chain, form: Float, state: dict[str, Value]) -> Value:
     """The encoded number of ``state``.
 

@@ -1,0 +1,110 @@
+"""The hardware of the operations of a floating-point graph."""
+
+from typing import assert_never
+
+from kalmanhdl.arithmetic.float_structure import (
+    Piece,
+    addition,
+    division,
+    fused_addition,
+    multiplication,
+    one,
+    rooting,
+    row_number,
+    scaling,
+    weights,
+)
+from kalmanhdl.arithmetic.product_structure import limb_widths
+from kalmanhdl.graph.operations import (
+    Add,
+    And,
+    Binary,
+    Bits,
+    Constant,
+    Divide,
+    Flag,
+    Input,
+    Multiply,
+    Negative,
+    Not,
+    NotFinite,
+    Or,
+    Outside,
+    Quantise,
+    Reciprocal,
+    Select,
+    Shift,
+    State,
+    StateFlag,
+    Subtract,
+    Table,
+    Unary,
+)
+from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
+from kalmanhdl.target.device import Device
+
+# Significands of fewer bits cost less in logic than the way to a block.
+_BITS_ALWAYS_IN_LOGIC = 4
+
+
+def float_operator(typed: FloatGraph, index: int, device: Device, on_block: bool) -> Operator:
+    """The operator of one operation. A fused product is no more than its two factors, side by side."""
+    form, operation = typed.form, typed.graph.operations[index]
+    pieces = _pieces(typed, index, on_block)
+    blocks = 0
+    if on_block:
+        limbs = limb_widths(form.mantissa + 1, False, False, device.multiplier_width)
+        blocks = len(limbs) ** 2
+    return Operator(
+        kind=kind_of(operation),
+        pieces=tuple(_picoseconds(piece, device) for piece in pieces) or (0,),
+        weights=weights(pieces),
+        blocks=blocks,
+    )
+
+
+def _pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
+    form, operation = typed.form, typed.graph.operations[index]
+    match operation:
+        case Flag() | State() | StateFlag() | Constant() | Not():
+            return ()
+        case Input():
+            return (one(("compare", form.exponent), ("select", form.width)),)
+        case Add() | Subtract():
+            return addition(form) if typed.fused_sum(index) is None else fused_addition(form, on_block)
+        case Multiply():
+            return () if index in typed.fused else multiplication(form, on_block)
+        case Shift(exponent=exponent):
+            return scaling(form, exponent)
+        case Divide() | Reciprocal():
+            return division(form)
+        case Unary():
+            return rooting(form)
+        case Table(rows=rows):
+            return row_number(form, len(rows))
+        case Select():
+            return (one(("select", form.width if typed.formats[index] else 1)),)
+        case NotFinite():
+            return (one(("compare", form.exponent)),)
+        case Negative():
+            return (one(("compare", form.width)),)
+        case And() | Or():
+            return (one(("select", 1)),)
+        case Quantise() | Bits() | Outside() | Binary():
+            raise AssertionError(f"{operation} in the hardware of floating-point numbers")
+        case _:
+            assert_never(operation)
+
+
+def _picoseconds(piece: Piece, device: Device) -> int:
+    return picoseconds(max(sum(device.delay_ns(*part) for part in path) for path in piece.paths))
+
+
+def is_float_multiplier(typed: FloatGraph, index: int) -> bool:
+    """Whether an operation multiplies significands that blocks are worth."""
+    operation = typed.graph.operations[index]
+    wide = typed.form.mantissa + 1 > _BITS_ALWAYS_IN_LOGIC
+    if isinstance(operation, Multiply):
+        return wide and index not in typed.fused
+    return wide and typed.fused_sum(index) is not None

@@ -1,0 +1,81 @@
+"""An operator: how long it takes on a device, and where registers can cut it.
+
+Delays are whole picoseconds, so that sums compare exactly and schedules do not depend on the order of
+additions.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from kalmanhdl.arithmetic.pipelining import register_places
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Operator:
+    """The hardware of one operation: indivisible ``pieces`` of logic in order, in picoseconds.
+
+    A pipeline register can stand between any two pieces; ``weights`` are the delays by which the
+    hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
+
+    A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
+    registers before the first piece.
+    """
+
+    kind: str
+    pieces: tuple[int, ...]
+    weights: tuple[float, ...] = ()
+    blocks: int = 0
+    shared: bool = False
+    fetch: int = 0
+
+    @property
+    def delay(self) -> int:
+        """Picoseconds from operands to value without registers inside."""
+        return sum(self.pieces)
+
+    @property
+    def capacity(self) -> int:
+        """The number of registers that it can hold."""
+        return len(self.pieces) - 1 + self.shared
+
+    def stages(self, registers: int) -> tuple[int, ...]:
+        """The delays of its stages when it holds so many registers, one at least where it is shared."""
+        if self.shared:
+            return (self.fetch, *_stages(self.pieces, self.weights or self.pieces, registers - 1))
+        return _stages(self.pieces, self.weights or self.pieces, registers)
+
+    def fits(self, registers: int, budget: int, tail: int) -> bool:
+        """Whether its stages fit into a budget, the last one followed by so much other logic."""
+        delays = self.stages(registers)
+        return max(delays) <= budget and delays[-1] + tail <= budget
+
+    def shortest_stage(self, tail: int) -> int:
+        """The least budget that it fits into with any number of registers."""
+        least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
+        # From the most registers on, which as a rule reach at once what no number of them can fall below.
+        for registers in range(self.capacity, self.shared - 1, -1):
+            delays = self.stages(registers)
+            least = min(least, max(*delays, delays[-1] + tail))
+            if least == floor:
+                break
+        return least
+
+
+def picoseconds(nanoseconds: float) -> int:
+    """Whole picoseconds."""
+    return round(1000 * nanoseconds)
+
+
+@lru_cache(maxsize=4096)
+def _stages(pieces: tuple[int, ...], weights: tuple[float, ...], registers: int) -> tuple[int, ...]:
+    loads = [0]
+    for count, piece in zip(register_places(weights, registers), (*pieces, 0), strict=True):
+        loads += [0] * count
+        loads[-1] += piece
+    return tuple(loads)
+
+
+def kind_of(operation: object) -> str:
+    """The word for the hardware of an operation."""
+    name = type(operation).__name__
+    return "state_flag" if name == "StateFlag" else name.lower()
