@@ -163,7 +163,8 @@ def functions() -> Iterator[Operator]:
 
 def graph(name: str, width: str, typed: TypedGraph) -> Iterator[Operator]:
     """What is made of exact operations, with the registers that a schedule for a fast clock gives it."""
-    plans = {plan.latency: plan for plan in (schedule(typed, PART, Wanted(interval=1, channels=2, clock_mhz=clock)) for clock in (1.0, None))}
+    clocks = (Wanted(interval=1, channels=2, clock_mhz=clock) for clock in (1.0, None))
+    plans = {plan.latency: plan for plan in (schedule(typed, PART, wanted) for wanted in clocks)}
     for plan in plans.values():
         made = lambda plan=plan: Datapath(plan, interface(plan))  # noqa: E731
         yield Operator(name, width, plan.latency - 1, 1, made)
