@@ -97,7 +97,7 @@ def test_wide_formats_come_close_to_the_float_reference(algorithm):
     steps = np.arange(60)[:, None] * [40.0, 1e-3] * 15 + [5e4, 0.3]
     z = steps + random.standard_normal((60, 2)) * [1000.0, 0.017]
     z[20:23] = np.nan
-    # A gain that does not know of missed plots has a NIS of thousands after them: 16 bits hold it in quarters.
+    # A gain that knows of no missed plots has a NIS of thousands after them: 16 bits hold it in quarters.
     specification = FixedSpecification(width=40, classes={"constant": 40, "nis": 24})
     found = numbers(LEE.model, algorithm, specification)
     result = simulate(LEE.model, algorithm(LEE.model), found, plots_from_arrays(z, LEE.model))
