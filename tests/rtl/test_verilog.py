@@ -56,7 +56,7 @@ def test_any_graph_is_right_in_another_simulator(tmp_path, typed, interval, chan
 
 
 _PRINT = """
-import sys; sys.path.insert(0, sys.argv[1])
+import sys; sys.path[:0] = sys.argv[1:]
 from graphs import alpha_beta
 from devices import PLAUSIBLE
 from kalmanhdl.rtl.filter import Filter
@@ -71,7 +71,7 @@ def test_the_text_depends_neither_on_the_folder_nor_on_the_hash_seed(tmp_path):
     graphs = Path(sys.modules["graphs"].__file__).parent
     texts = {
         subprocess.run(
-            [sys.executable, "-c", _PRINT, str(graphs)],
+            [sys.executable, "-c", _PRINT, str(graphs), str(graphs.parent)],
             cwd=folder,
             env={**os.environ, "PYTHONHASHSEED": seed},
             check=True,
