@@ -35,6 +35,8 @@ AREA_FAMILIES = ("xc4v", "xc5v", "xc6v", "lut4")
 
 # Beside so many steps, a search for the covariance's corners costs little.
 WALKING_STEPS = 20_000
+# Clocks. Both costs grow with the hardware, so that the size of it does not matter.
+_WORTH_OPTIMISING = 80_000
 
 
 def silent(_: str) -> None:
@@ -178,8 +180,8 @@ def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None 
 
 
 def worth_optimising(hardware: Hardware, steps: int) -> bool:
-    """Whether so many steps repay the compilation of an optimised simulator."""
-    return steps * hardware.plan.interval > 20_000
+    """Whether so many steps repay the compilation of an optimised simulator, which takes seconds or minutes."""
+    return steps * hardware.plan.interval > _WORTH_OPTIMISING
 
 
 def verify(
