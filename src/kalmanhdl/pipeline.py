@@ -180,7 +180,7 @@ def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None 
 
 
 def worth_optimising(hardware: Hardware, steps: int) -> bool:
-    """Whether so many steps repay the compilation of an optimised simulator, which takes seconds or minutes."""
+    """Whether so many steps repay an optimised simulator, whose compilation takes seconds or minutes."""
     return steps * hardware.plan.interval > _WORTH_OPTIMISING
 
 

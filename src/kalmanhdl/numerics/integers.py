@@ -45,8 +45,8 @@ def numbers(
 ) -> Numbers:
     """The integers of one step of an algorithm on a model. Formats rest on tracks drawn from the model.
 
-    Constants multiply by shifts and adds, or ``on_multipliers``. Sums of shifted values have wider bounds than
-    products, so that an operand may be rounded before the one and not before the other.
+    Constants multiply by shifts and adds, or ``on_multipliers``. Sums of shifted values have wider bounds
+    than products, so that an operand may be rounded before the one and not before the other.
     """
     reals = in_reals(model, algorithm, specification)
     typed = quantise(reals.graph, reals.ranges, specification, reals.scales, on_multipliers=on_multipliers)

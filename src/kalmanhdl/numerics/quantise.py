@@ -84,8 +84,8 @@ def quantise(
 ) -> TypedGraph:
     """The typed graph of a graph of reals whose operations take values within ``ranges``.
 
-    Constants multiply by shifts and adds, or ``on_multipliers``. Sums of shifted values have wider bounds than
-    products, so that an operand may be rounded before the one and not before the other.
+    Constants multiply by shifts and adds, or ``on_multipliers``. Sums of shifted values have wider bounds
+    than products, so that an operand may be rounded before the one and not before the other.
 
     Raises:
         FormatError: a constant of the model does not fit the format that the design gives its signal.

@@ -92,9 +92,7 @@ class SharedUnit(Component):
         assert isinstance(typed, TypedGraph)
         on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
         a, b = (shape_of(one.form) for one in self.core.operands)
-        m.submodules.core = inner = Multiplier(
-            a, b, self._registers, on_block, typed.logic_product
-        )
+        m.submodules.core = inner = Multiplier(a, b, self._registers, on_block, typed.logic_product)
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1]), self.result.eq(inner.product)]
 
     def _adds(self, m: Module, taken: list[Signal]) -> None:
