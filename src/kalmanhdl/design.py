@@ -29,6 +29,9 @@ MAX_BLOCKS = 65536
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
 MAX_LANES = 256
+MAX_SOLVER_SECONDS = 10_000.0
+SOLVER_SECONDS = 2.0
+"""Enough for most filters; seconds of the solver's own, some of a processor's each."""
 
 
 class Streams(StrEnum):
@@ -51,6 +54,7 @@ class Architecture:
     ``units`` limits the operators of a kind, such as {"multiply": 4, "reciprocal": 1}; operations of a kind
     that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
     most clocks from a step to its result, is met with as few operators as were found to suffice.
+    ``solver_seconds`` of its own may a solver spend on better schedules than a list gives; 0: the list alone.
 
     ``lanes`` such filters stand side by side, each with ``channels`` tracks, ``units`` and
     ``multiplier_blocks`` of its own; ``streams`` lead to them.
@@ -64,6 +68,7 @@ class Architecture:
     units: Mapping[str, int] | None = None
     latency: int | None = None
     updates_per_second: float | None = None
+    solver_seconds: float = SOLVER_SECONDS
     lanes: int = 1
     streams: Streams = Streams.ONE
 
@@ -95,6 +100,7 @@ class Architecture:
             _check_units(self.units)
         if self.updates_per_second is not None:
             _check_rate(self.updates_per_second, self.interval)
+        _check_number("solver_seconds", self.solver_seconds, MAX_SOLVER_SECONDS)
 
     @property
     def shares_multipliers(self) -> bool:
@@ -271,6 +277,12 @@ def _check_units(units: object) -> None:
             problem = f" is unknown: {nearest(str(kind), KINDS)}"
             raise InvalidValueError("architecture.units", str(kind), problem)
         _check_integer("architecture.units", kind, count, 1, MAX_BLOCKS)
+
+
+def _check_number(key: str, value: float, high: float) -> None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (is_number and 0 <= value <= high):
+        raise InvalidValueError("architecture", key, f" = {shown(value)}: a number from 0 to {high:g}")
 
 
 def _check_rate(rate: float, interval: int | None) -> None:

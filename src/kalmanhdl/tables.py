@@ -223,13 +223,18 @@ def _turns(summary: Summary) -> list[tuple[str, str]]:
         return []
     shared = ", ".join(f"{count} {kind} on {summary.units[kind]}" for kind, count in summary.turns.items())
     loop = -(-summary.recurrence_bound_cycles // summary.channels)
-    least = max(summary.operator_bound_cycles, loop)
-    gap = f"{summary.interval_cycles} clocks, no less than {least}: operators {summary.operator_bound_cycles}"
+    interval = _beside_least(summary.interval_cycles, summary.least_interval_cycles)
     return [
         ("turns", shared),
-        ("interval", f"{gap}, loop {loop}"),
+        ("interval", f"{interval}; operators need {summary.operator_bound_cycles}, the loop {loop}"),
+        ("latency", _beside_least(summary.latency_cycles, summary.least_latency_cycles)),
         ("memories", f"{summary.memory_bits} bits of operands that wait"),
     ]
+
+
+def _beside_least(cycles: int, least: int) -> str:
+    found = "the least there is" if cycles == least else f"no less than {least} was proven"
+    return f"{_clocks(cycles)}, {found}"
 
 
 def _float_format(typed: FloatGraph) -> str:

@@ -31,6 +31,8 @@ channels = 1
 distance = 1
 context_overhead = 0
 recurrence_bound = 2
+least_interval = 1
+least_latency = 1
 period_ns = 8.093
 pipelined_period_ns = 5.1
 operations
@@ -86,28 +88,28 @@ def test_every_typed_graph_parses_back(typed: TypedGraph):
         ),
         ("channels = 1\n", "", "line 2: 'distance = 1' is not understood: write 'channels = ' and a number"),
         ("operations\n", "", "the text has no section 'operations'"),
-        ("    0  0   %1", "    0      %1", "line 10: '0      %1 = input z"),
+        ("    0  0   %1", "    0      %1", "line 12: '0      %1 = input z"),
         (
             "fixed(8, fraction=4) [-128, 127]  # state",
             "fixed(8) [-128, 127]  # state",
-            "line 9: '%0 = state x",
+            "line 11: '%0 = state x",
         ),
-        ("[-16256, 16384]  # shift", "# shift", "line 12: '%3 = shift"),
-        ("table_newton(index_bits=4", "table_newton(bits=4", "line 19: 'table_newton(bits=4"),
-        ("half_up", "up", "line 19"),
+        ("[-16256, 16384]  # shift", "# shift", "line 14: '%3 = shift"),
+        ("table_newton(index_bits=4", "table_newton(bits=4", "line 21: 'table_newton(bits=4"),
+        ("half_up", "up", "line 21"),
         (
             "logic booth",
             "logic",
-            "line 21: 'in logic' is not understood: write 'in logic booth' or 'in logic w",
+            "line 23: 'in logic' is not understood: write 'in logic booth' or 'in logic w",
         ),
         ("violations\n", "", "the text has no section 'violations'"),
         (
             "violations\n",
             "violations\n%4\n",
-            "line 23: '%4' is not understood: write '%4 %5 starting running'",
+            "line 25: '%4' is not understood: write '%4 %5 starting running'",
         ),
-        ("z = 1.0", "z = fast", "line 26: 'z = fast' is not understood: write 'x[0] = 0.5'"),
-        ("saturate :", "stop :", "line 13"),
+        ("z = 1.0", "z = fast", "line 28: 'z = fast' is not understood: write 'x[0] = 0.5'"),
+        ("saturate :", "stop :", "line 15"),
         ("multiply %0 %1", "multiply %0 %7", "write operands that stand before %2"),
     ],
 )

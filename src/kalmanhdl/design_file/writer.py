@@ -265,6 +265,8 @@ def _architecture(architecture: Architecture) -> Lines:
         lines.append(f"latency = {architecture.latency}")
     if architecture.updates_per_second is not None:
         lines.append(f"updates_per_second = {_number(architecture.updates_per_second)}")
+    if architecture.solver_seconds != Architecture().solver_seconds:
+        lines.append(f"solver_seconds = {_number(architecture.solver_seconds)}")
     if architecture.lanes > 1:
         lines += [f"lanes = {architecture.lanes}", f"streams = {_text(architecture.streams)}"]
     return lines

@@ -111,6 +111,8 @@ def _schedule(summary: Summary, architecture: Architecture) -> dict[str, Any]:
         "streams": architecture.streams.value,
         "units": summary.units,
         "recurrence_bound_cycles": summary.recurrence_bound_cycles,
+        "least_interval_cycles": summary.least_interval_cycles,
+        "least_latency_cycles": summary.least_latency_cycles,
         "operator_bound_cycles": summary.operator_bound_cycles,
         "turns": summary.turns,
         "distance_cycles": summary.distance_cycles,

@@ -9,17 +9,13 @@ from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.operations import Multiply
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.attempt import Allocation, Attempt
 from kalmanhdl.schedule.operators import is_multiplier
-from kalmanhdl.schedule.placement import CYCLE_BITS, Pace, pace, step_of
-from kalmanhdl.schedule.recurrence import recurrence
-from kalmanhdl.schedule.sharing import Sharing, sharing
-from kalmanhdl.schedule.turns import Turns, in_turn, priorities
+from kalmanhdl.schedule.placement import pace, step_of
+from kalmanhdl.schedule.sharing import sharing
+from kalmanhdl.schedule.solver import Effort
 from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.target.device import Device
-
-# Operations that are placed in all tries together before an interval is given up.
-_EFFORT = 20_000
-_MOST_TRIES = 16
 
 FEW = ("multiply", "divide", "reciprocal")
 """The operators of which there are few where the user leaves it open: larger than a choice of operands."""
@@ -36,6 +32,11 @@ class Task:
     wanted: Wanted
 
     @cached_property
+    def effort(self) -> Effort:
+        """What the solver may still spend on it."""
+        return Effort(self.wanted.solver_seconds)
+
+    @cached_property
     def small(self) -> tuple[int, ...]:
         """Products that cost less in logic than the choice of operands would."""
         operations = enumerate(self.typed.graph.operations)
@@ -49,86 +50,7 @@ class Task:
             sharing=shared,
             pace=pace(step, max(self.period, step.shortest_period)),
             channels=self.wanted.channels,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Allocation:
-    """Shared operators, and a schedule on them."""
-
-    sharing: Sharing
-    pace: Pace
-    interval: int
-    turns: Turns
-    recurrence_bound: int
-
-    @property
-    def latency(self) -> int:
-        """Cycles from the issue of a step to the last of its results."""
-        roots = self.pace.step.graph.roots
-        return 1 + max((self.turns.times[root] >> CYCLE_BITS for root in roots), default=0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Attempt:
-    """A step on a number of shared operators."""
-
-    sharing: Sharing
-    pace: Pace
-    channels: int
-
-    @cached_property
-    def recurrence_bound(self) -> int:
-        """The least distance of two steps of a track, whatever the number of operators."""
-        return recurrence(self.pace).bound
-
-    @property
-    def least_interval(self) -> int:
-        """No schedule has a shorter interval."""
-        return max(self.sharing.bound, -(-self.recurrence_bound // self.channels))
-
-    @cached_property
-    def orders(self) -> tuple[list[int], ...]:
-        """Orders of urgency to try."""
-        tries = max(2, min(_MOST_TRIES, _EFFORT // len(self.pace.registers)))
-        return tuple(priorities(self.pace, tries))
-
-    def at(self, interval: int) -> Allocation | None:
-        """A schedule at an interval, if one was found."""
-        if interval < self.least_interval:
-            return None
-        longest = interval * self.channels
-        found = (in_turn(self.pace, self.sharing, interval, longest, order) for order in self.orders)
-        turns = next((turns for turns in found if turns), None)
-        return None if turns is None else self._allocation(interval, turns)
-
-    def fastest(self) -> Allocation:
-        """The schedule of the least interval that was found."""
-        # Without an end of the interval nothing waits for its phase.
-        forever = sum(self.pace.registers) + 2 * len(self.pace.registers)
-        free = in_turn(self.pace, self.sharing, forever, None, self.orders[0])
-        assert free is not None
-        low = self.least_interval
-        high = max(low, -(-free.distance // self.channels))
-        best = self.at(high)
-        while best is None:
-            low, high = high + 1, high + max(1, high // 8)
-            best = self.at(high)
-        while low < high:
-            middle = (low + high) // 2
-            if found := self.at(middle):
-                high, best = middle, found
-            else:
-                low = middle + 1
-        return best
-
-    def _allocation(self, interval: int, turns: Turns) -> Allocation:
-        return Allocation(
-            sharing=self.sharing,
-            pace=self.pace,
-            interval=interval,
-            turns=turns,
-            recurrence_bound=self.recurrence_bound,
+            effort=self.effort,
         )
 
 
@@ -137,6 +59,11 @@ def allocated(task: Task) -> Allocation | None:
 
     Raises ScheduleError where no schedule was found.
     """
+    found = _found(task)
+    return None if found is None else found.sooner()
+
+
+def _found(task: Task) -> Allocation | None:
     wanted = task.wanted
     if wanted.units is not None:
         return _on_given(task, wanted.units)
@@ -168,7 +95,7 @@ def _on_given(task: Task, units: Mapping[str, int]) -> Allocation | None:
 def _within_latency(task: Task, latency: int) -> Allocation | None:
     def solve(attempt: Attempt) -> Allocation | None:
         interval = task.wanted.interval
-        found = attempt.fastest() if interval is None else attempt.at(interval)
+        found = attempt.fastest(latency) if interval is None else attempt.at(interval, latency)
         return found if found and found.latency <= latency else None
 
     found = _fewest(task, solve)
@@ -198,7 +125,7 @@ def _fewest(task: Task, solve: Callable[[Attempt], Allocation | None]) -> Alloca
                 counts, found = {**counts, kind: middle}, fewer
             else:
                 low = middle + 1
-    return found if found and found.sharing.operations else None
+    return found if found and found.attempt.sharing.operations else None
 
 
 def _shareable(task: Task) -> dict[str, int]:

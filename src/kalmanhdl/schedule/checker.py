@@ -34,6 +34,7 @@ def problems(plan: Plan, device: Device) -> list[str]:
         *_turns(plan),
         *_stages(plan, library, device),
         *_bounds(plan, library, device),
+        *_leasts(plan),
     ]
 
 
@@ -185,6 +186,19 @@ def _bounds(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterat
     here = _edges(plan, library, device, plan.period_ns)
     if plan.distance < least or _gains(here, plan.distance):
         yield f"no schedule of {plan.period_ns} ns reaches the distance of {plan.distance}"
+
+
+def _leasts(plan: Plan) -> Iterator[str]:
+    """What is said to be the least must not be more than what there is, nor less than operators allow."""
+    for word, least, found in (
+        ("interval", plan.least_interval, plan.interval),
+        ("latency", plan.least_latency, plan.latency),
+    ):
+        if not 1 <= least <= found:
+            yield f"the least {word} of {least} is not between 1 and that of {found}"
+    if plan.least_interval < plan.sharing.bound:
+        least = plan.sharing.bound
+        yield f"operators allow no interval below {least}, so {plan.least_interval} is not the least"
 
 
 def _gains(edges: npt.NDArray[np.float64], distance: int) -> bool:

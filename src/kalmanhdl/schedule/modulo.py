@@ -3,12 +3,13 @@
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.allocation import Allocation, Task, allocated
+from kalmanhdl.schedule.allocation import Task, allocated
+from kalmanhdl.schedule.attempt import Allocation
 from kalmanhdl.schedule.binding import bound as bound_units
 from kalmanhdl.schedule.lifetimes import with_fewer_registers
 from kalmanhdl.schedule.multipliers import on_blocks
 from kalmanhdl.schedule.operator import picoseconds
-from kalmanhdl.schedule.placement import Pace, Step, earliest, pace, step_of, tight
+from kalmanhdl.schedule.placement import Pace, Step, earliest, least_latency, pace, step_of, tight
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence
 from kalmanhdl.schedule.wanted import Wanted
@@ -53,6 +54,8 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
         distance=distance,
         context_overhead=step.context_overhead,
         recurrence_bound=bound,
+        least_interval=-(-distance // channels),
+        least_latency=least_latency(chosen, recurrence(chosen).reads(max(distance, interval * channels))),
         period_ns=chosen.period / 1000,
         pipelined_period_ns=tight(deep, _earliest(deep, bound)[1]).period / 1000,
     )
@@ -61,7 +64,8 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
 def _plan(
     typed: TypedGraph | FloatGraph, wanted: Wanted, on_block: frozenset[int], found: Allocation
 ) -> Plan:
-    turns, at = found.turns, tight(found.pace, found.turns.times)
+    attempt, turns = found.attempt, found.turns
+    at = tight(attempt.pace, turns.times)
     ends = [start + held for start, held in zip(turns.starts, at.registers, strict=True)]
     return Plan(
         typed=typed,
@@ -72,10 +76,12 @@ def _plan(
         channels=wanted.channels,
         distance=turns.distance,
         context_overhead=at.step.context_overhead,
-        recurrence_bound=found.recurrence_bound,
+        recurrence_bound=attempt.recurrence_bound,
+        least_interval=found.least_interval,
+        least_latency=found.least_latency,
         period_ns=at.period / 1000,
         pipelined_period_ns=at.period / 1000,
-        units=bound_units(typed, turns.starts, ends, found.interval, found.sharing),
+        units=bound_units(typed, turns.starts, ends, found.interval, attempt.sharing),
     )
 
 

@@ -144,6 +144,12 @@ def earliest(pace: Pace, reads: Mapping[int, int]) -> tuple[list[int], list[int]
     return starts, times
 
 
+def least_latency(pace: Pace, reads: Mapping[int, int]) -> int:
+    """Cycles from the issue of a step to the last of its results, when no operation waits for its turn."""
+    _, times = earliest(pace, reads)
+    return 1 + max((times[root] >> CYCLE_BITS for root in pace.step.graph.roots), default=0)
+
+
 def place(ready: int, registers: int, last: int, tail: int, budget: int) -> tuple[int, int]:
     """The start cycle of an operation whose operands are ready at a time, and the time of its value."""
     cycle, offset = ready >> CYCLE_BITS, ready & OFFSET_MASK

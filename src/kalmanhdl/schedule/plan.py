@@ -38,6 +38,10 @@ class Plan:
     context_overhead: int
     # The least distance that the deeply pipelined operators allow, and the one with these operators.
     recurrence_bound: int
+    # No schedule on these operators has a shorter interval, or at this interval a shorter latency, as far as
+    # that is proven: where they are equal to the plan's own it is the best there is.
+    least_interval: int
+    least_latency: int
     # The estimated longest stage, and the stage of the deeply pipelined operators, in nanoseconds.
     period_ns: float
     pipelined_period_ns: float

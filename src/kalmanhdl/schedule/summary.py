@@ -43,8 +43,9 @@ class Summary:
     """A plan in numbers.
 
     ``units`` counts the operators of each kind; ``turns`` how many operations of a kind take turns on those
-    that are shared, which no interval below ``operator_bound_cycles`` allows. ``memory_bits`` keep their
-    operands. ``busy[cycle]`` the operations of each kind that start
+    that are shared, which no interval below ``operator_bound_cycles`` allows. It is proven that no schedule
+    on them has less than ``least_interval_cycles``, or, at this interval, than ``least_latency_cycles``.
+    ``memory_bits`` keep their operands. ``busy[cycle]`` the operations of each kind that start
     in a cycle. ``register_bits`` are held between operators, ``operator_register_bits`` inside them, as
     wide as their results. ``loop`` names the states whose loop sets the bound, or, where the
     pipeline was made shallower, the period.
@@ -55,6 +56,8 @@ class Summary:
     distance_cycles: int
     latency_cycles: int
     recurrence_bound_cycles: int
+    least_interval_cycles: int
+    least_latency_cycles: int
     period_ns: float
     pipelined_period_ns: float
     shallower: bool
@@ -83,6 +86,8 @@ def summarise(plan: Plan, device: Device) -> Summary:
         distance_cycles=plan.distance,
         latency_cycles=plan.latency,
         recurrence_bound_cycles=plan.recurrence_bound,
+        least_interval_cycles=plan.least_interval,
+        least_latency_cycles=plan.least_latency,
         period_ns=plan.period_ns,
         pipelined_period_ns=plan.pipelined_period_ns,
         shallower=plan.shallower,

@@ -22,7 +22,10 @@ from kalmanhdl.numerics.text import parse_typed_graph, print_typed_graph
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.sharing import Unit
 
-_WHOLE = ("interval", "channels", "distance", "context_overhead", "recurrence_bound")
+_WHOLE = (
+    *("interval", "channels", "distance", "context_overhead"),
+    *("recurrence_bound", "least_interval", "least_latency"),
+)
 _REAL = ("period_ns", "pipelined_period_ns")
 
 
@@ -73,6 +76,8 @@ def parse_plan(text: str) -> Plan:
         distance=int(numbers["distance"]),
         context_overhead=int(numbers["context_overhead"]),
         recurrence_bound=int(numbers["recurrence_bound"]),
+        least_interval=int(numbers["least_interval"]),
+        least_latency=int(numbers["least_latency"]),
         period_ns=numbers["period_ns"],
         pipelined_period_ns=numbers["pipelined_period_ns"],
         units=_parse_units(shared, text.count("\n") - shared.count("\n") + 1, len(starts)),

@@ -36,11 +36,8 @@ def in_turn(
     """
     if sharing.bound > interval:
         return None
-    kinds, graph = sharing.kind(), pace.step.graph
-    sources = {o.name: k for k, o in enumerate(graph.operations) if isinstance(o, State | StateFlag)}
-    loops = [(sources[name], root) for name, root in graph.states if name in sources]
-    reads = dict.fromkeys(sources.values(), 0)
-    least = 1 + pace.step.context_overhead if graph.states else 1
+    kinds, loops, least = sharing.kind(), _loops(pace), _least(pace)
+    reads = {read: 0 for read, _ in loops}
     for _ in range(_MOVES):
         starts, times = _placed(pace, sharing.counts, kinds, interval, reads, priority)
         stored = {read: (times[root] >> CYCLE_BITS) + least for read, root in loops}
@@ -54,6 +51,41 @@ def in_turn(
             return None
         reads |= later
     return None
+
+
+def at_cycles(pace: Pace, sharing: Sharing, cycles: Mapping[int, int]) -> Turns:
+    """The schedule in which shared operations start, and states are read, in given cycles, by operation.
+
+    Everything else is placed as soon as its operands are there.
+    """
+    kinds, operations, step = sharing.kind(), pace.step.graph.operations, pace.step
+    starts, times = list[int](), list[int]()
+    for index, operands in enumerate(step.operands):
+        registers, last = pace.registers[index], pace.lasts[index]
+        if index in kinds:
+            start, time = cycles[index], ((cycles[index] + registers) << CYCLE_BITS) + last
+        else:
+            ready = max((times[k] for k in operands), default=cycles.get(index, 0) << CYCLE_BITS)
+            if isinstance(operations[index], Constant):
+                ready = 0
+            start, time = place(ready, registers, last, step.tails[index], pace.budget)
+        starts.append(start)
+        times.append(time)
+    least = _least(pace)
+    distances = ((times[root] >> CYCLE_BITS) + least - cycles[read] for read, root in _loops(pace))
+    return Turns(starts=starts, times=times, distance=max((least, *distances)))
+
+
+def _loops(pace: Pace) -> list[tuple[int, int]]:
+    """The operation that reads each state, and the one that gives its next value."""
+    graph = pace.step.graph
+    reads = {o.name: k for k, o in enumerate(graph.operations) if isinstance(o, State | StateFlag)}
+    return [(reads[name], root) for name, root in graph.states if name in reads]
+
+
+def _least(pace: Pace) -> int:
+    """The cycles from storing a state until it can be read."""
+    return 1 + pace.step.context_overhead if pace.step.graph.states else 1
 
 
 def _placed(

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from kalmanhdl.design import SOLVER_SECONDS
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
@@ -14,7 +16,8 @@ class Wanted:
 
     ``units`` limits the operators of a kind, whose operations then take turns. Without it an interval of more
     than one cycle, or a ``latency`` that is allowed, is met with few operators; else there are as many as
-    operations.
+    operations. Where a list schedule of theirs misses its bounds a solver looks for a better one for
+    ``solver_seconds``, which it counts the same on any machine.
     """
 
     interval: int | None = None
@@ -23,3 +26,4 @@ class Wanted:
     multiplier_blocks: int | None = None
     units: Mapping[str, int] | None = None
     latency: int | None = None
+    solver_seconds: float = SOLVER_SECONDS
