@@ -28,7 +28,7 @@ def _one(seed: int, steps: int, states: int, measurements: int) -> tuple[int, st
         plan = hardware.plan
         shape += f" channels={plan.channels} interval={plan.interval} latency={plan.latency}"
         # To compile an optimised simulator takes longer than the slower one runs.
-        runs = verify(hardware, 2 * steps, seed=seed, optimised=False)
+        runs = verify(hardware, steps, seed=seed, optimised=False)
     except FormatError as error:
         return seed, f"{shape}: refused, {error}", 0, ""
     except KalmanhdlError as error:

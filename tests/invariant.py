@@ -115,7 +115,7 @@ def assumed(verilog: str, typed: TypedGraph) -> tuple[str, frozenset[str]]:
     text, wires = module[0], set()
     for name, used in _used_bits(typed):
         for high, wire in re.findall(
-            rf"^ +(?:wire|reg) (?:\[(\d+):0\] )?({name}_c\d+)(?: = [^;]+)?;$", text, re.MULTILINE
+            rf"^ +(?:wire|reg) (?:\[(\d+):0\] )?({name}(?:_c\d+)?)(?: = [^;]+)?;$", text, re.MULTILINE
         ):
             width = int(high or 0) + 1
             if used >= width:

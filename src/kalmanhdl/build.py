@@ -28,6 +28,7 @@ from kalmanhdl.pipeline import (
     silent,
     simulate,
     timed,
+    usual_steps,
     verify,
     worth_optimising,
 )
@@ -39,7 +40,6 @@ from kalmanhdl.toolchain.process import in_background
 from kalmanhdl.toolchain.simulators import Simulator, need
 from kalmanhdl.verify.compare import Verification
 
-VERIFIED_STEPS = 100_000
 # Raw integers that one run of a verification keeps of each step's outputs and states, in all.
 _KEPT_NUMBERS = 5_000_000
 
@@ -49,7 +49,7 @@ def build(
     out: str | Path,
     *,
     plots: Plots | None = None,
-    verify_steps: int = VERIFIED_STEPS,
+    verify_steps: int | None = None,
     place: bool = True,
     families: bool = False,
     force: bool = False,
@@ -59,7 +59,8 @@ def build(
     """Take a design the whole line down and write the folder ``out``.
 
     With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
-    the Verilog are held against the engine; 0 leaves that out, and the report says so. ``place``: also
+    the Verilog are held against the engine, the usual number of them without; 0 leaves that out, and the
+    report says so. ``place``: also
     synthesis, place and route. ``families``: also synthesis figures on the papers' devices.
     ``force`` replaces an earlier build, ``simulators`` are those that verify.
 
@@ -68,12 +69,13 @@ def build(
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
     """
     check_folder(out, force=force)
-    if verify_steps:
+    if verify_steps != 0:
         _need_compiler()
         need(simulators)
     prepare(place=place, progress=progress)
     seconds: dict[str, float] = {}
     hardware = compile_design(design, progress)
+    steps = usual_steps(hardware, simulators) if verify_steps is None else verify_steps
     simulation = None
     if plots is not None:
         with timed(
@@ -85,11 +87,9 @@ def build(
     # One core places and routes, the other verifies and counts: neither waits for the other.
     with in_background() as start:
         placing = start(implement, hardware, progress) if place else None
-        if verify_steps:
-            with timed(
-                seconds, "verify", progress, f"verifying {verify_steps} steps, Verilog against engine"
-            ):
-                verifications = verify_long(hardware, verify_steps, plots, simulators=simulators)
+        if steps:
+            with timed(seconds, "verify", progress, f"verifying {steps} steps, Verilog against engine"):
+                verifications = verify_long(hardware, steps, plots, simulators=simulators)
         if families:
             with timed(seconds, "areas", progress, "synthesising for the papers' families"):
                 figures = areas(hardware)

@@ -38,7 +38,14 @@ _Design = Annotated[Path, typer.Argument(metavar="DESIGN", help="A design file (
 _Place = Annotated[Path, typer.Argument(metavar="PATH", help="A design file, or a folder that build made.")]
 _Data = Annotated[Path | None, typer.Option(metavar="FILE", help="Measurements, CSV or Parquet.")]
 _Force = Annotated[bool, typer.Option("--force", help="Replace a folder that kalmanhdl made.")]
-_Steps = Annotated[int, typer.Option(min=1, max=_MOST, help="Steps of the Verilog held against the engine.")]
+_Steps = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=_MOST,
+        help="Steps of the Verilog held against the engine.  [default: 2 million clocks, to 500000 steps]",
+    ),
+]
 _Seeds = Annotated[
     int | None, typer.Option(min=1, max=64, help="Placements to try.  [default: the design's]")
 ]
@@ -83,7 +90,7 @@ def build(
     areas: Annotated[
         bool, typer.Option("--areas", help="Also synthesis figures on the papers' devices; takes minutes.")
     ] = False,
-    steps: _Steps = 100_000,
+    steps: _Steps = None,
     seeds: _Seeds = None,
     grade: _Grade = None,
     simulator: _Simulator = "cxxrtl",
@@ -158,7 +165,7 @@ def simulate(
 @reported
 def verify(
     path: _Place,
-    steps: _Steps = 100_000,
+    steps: _Steps = None,
     seed: Annotated[int, typer.Option(min=0, max=_MOST, help="Of the random steps.")] = 1,
     data: _Data = None,
     simulator: _Simulator = "cxxrtl",
@@ -170,6 +177,7 @@ def verify(
     code 1 at a difference.
     """
     from kalmanhdl.build import add_to_report, verify_long
+    from kalmanhdl.pipeline import usual_steps
     from kalmanhdl.tables import verification_table
     from kalmanhdl.toolchain.simulators import need
 
@@ -178,9 +186,10 @@ def verify(
     with Progress() as progress:
         hardware = _hardware(path, progress, constant, place=False)
         plots = _read(data, hardware.design)
-        progress(f"verifying {steps} steps, Verilog against engine")
+        count = usual_steps(hardware, chosen) if steps is None else steps
+        progress(f"verifying {count} steps, Verilog against engine")
         with _blaming(path, hardware.design):
-            found = verify_long(hardware, steps, plots, seed, chosen)
+            found = verify_long(hardware, count, plots, seed, chosen)
     if path.is_dir():
         add_to_report(path, found)
     typer.echo(verification_table(found))

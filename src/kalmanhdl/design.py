@@ -219,15 +219,15 @@ class Design:
         z: ArrayLike | None = None,
         u: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        verify_steps: int = 100_000,
+        verify_steps: int | None = None,
         place: bool = True,
         force: bool = False,
     ) -> "Record":
         """Take the design the whole line down and write the folder ``out``, report and all.
 
         With measurements z (and u and time, as for ``simulate``) they are filtered. ``verify_steps`` of the
-        Verilog are held against the engine (0: none); ``place``: also synthesis, place and route;
-        ``force`` replaces an earlier build.
+        Verilog are held against the engine (0: none, None: what a minute at most takes); ``place``: also
+        synthesis, place and route; ``force`` replaces an earlier build.
 
         Raises:
             DesignError: the numerics are floating point, for which there is no hardware yet.

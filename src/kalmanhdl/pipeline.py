@@ -37,6 +37,8 @@ AREA_FAMILIES = ("xc4v", "xc5v", "xc6v", "lut4")
 WALKING_STEPS = 20_000
 # Clocks. Both costs grow with the hardware, so that the size of it does not matter.
 _WORTH_OPTIMISING = 80_000
+# Clocks, and steps; Icarus interprets.
+_USUAL_CLOCKS, _MOST_USUAL, _SLOWER = 2_000_000, 500_000, 20
 
 
 def silent(_: str) -> None:
@@ -178,6 +180,12 @@ def fixed_numbers(design: Design) -> Numbers:
 def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None = None) -> Simulation:
     """Float reference and bit-exact engine side by side on data."""
     return run_side_by_side(design.model, design.algorithm(design.model), typed or numbers_of(design), plots)
+
+
+def usual_steps(hardware: Hardware, simulators: tuple[Simulator, ...] = (Simulator.CXXRTL,)) -> int:
+    """Steps that find what is wrong in the last bits of a rounding too, where they take a minute at most."""
+    clocks = _USUAL_CLOCKS // (_SLOWER if Simulator.ICARUS in simulators else 1)
+    return min(max(clocks // hardware.plan.interval, WALKING_STEPS), _MOST_USUAL)
 
 
 def worth_optimising(hardware: Hardware, steps: int) -> bool:

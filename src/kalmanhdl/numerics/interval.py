@@ -3,7 +3,7 @@
 from fractions import Fraction
 from typing import assert_never
 
-from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, divide
+from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton, divide, reciprocal
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding, rounded
 from kalmanhdl.graph.operations import (
     Add,
@@ -89,14 +89,16 @@ def _rows_type(index: Typed, rows: tuple[Fraction, ...]) -> Typed:
 
 
 def reciprocal_interval(divisor: Typed, form: Fixed, rounding: Rounding, method: DivisionMethod) -> Interval:
-    """The reciprocals of a divisor's interval; an approximate method may leave the exact ones by a little."""
+    """The reciprocals of a divisor's interval. Newton steps may leave the exact ones by a little."""
     divisor_form, interval = divisor
-    highest, _ = divide(1, 0, max(interval.low, 0), divisor_form.fraction, form, rounding)
-    lowest, _ = divide(1, 0, max(interval.high, 1), divisor_form.fraction, form, rounding)
-    if isinstance(method, LongDivision):
-        return Interval(low=lowest, high=highest)
-    slack = (highest >> method.index_bits) + 1
-    return Interval(low=max(lowest - slack, 0), high=min(highest + slack, form.highest))
+    ends = max(interval.high, 1), max(interval.low, 0)
+    if isinstance(method, TableNewton) and method.iterations:
+        lowest, highest = (divide(1, 0, end, divisor_form.fraction, form, rounding)[0] for end in ends)
+        slack = (highest >> method.index_bits) + 1
+        return Interval(low=max(lowest - slack, 0), high=min(highest + slack, form.highest))
+    # Neither exact quotients nor the entries of a table rise with the divisor.
+    low, high = (reciprocal(end, divisor_form.fraction, form, rounding, method)[0] for end in ends)
+    return Interval(low=low, high=high)
 
 
 def least_divisor(divisor: Fixed, form: Fixed, method: DivisionMethod) -> int:

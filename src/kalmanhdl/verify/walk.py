@@ -105,22 +105,32 @@ def _explored(typed: TypedGraph, part: _Part, seed: int) -> Iterator[Walk]:
     low, high = level[0].copy(), level[0].copy()
     for _ in range(_DEPTH):
         after, events = _stepped(engine, part, steps, level)
-        fresh, fresh_walks = [], []
+        # Ends only move apart: what is within them now is so at its turn.
+        beyond = ((after < low) | (after > high)).any(axis=1)
+        fresh = []
         for place, (state, event) in enumerate(zip(map(tuple, after), events, strict=True)):
-            path = (*level_walks[place // len(steps)], steps[place % len(steps)])
-            extreme = bool(np.any(after[place] < low) or np.any(after[place] > high))
-            if event not in seen or extreme:
+            if event not in seen or (beyond[place] and _beyond(after[place], low, high)):
                 seen.add(event)
                 low, high = np.minimum(low, after[place]), np.maximum(high, after[place])
-                yield _walk(part.flags, path)
+                yield _walk(part.flags, _path(level_walks, steps, place))
             if state not in seen_states:
                 seen_states.add(state)
-                fresh.append(after[place])
-                fresh_walks.append(path)
+                fresh.append(place)
         if not fresh:
             return
-        chosen = _followed(np.array(fresh), random)
-        level, level_walks = np.array([fresh[k] for k in chosen]), [fresh_walks[k] for k in chosen]
+        followed = [fresh[k] for k in _followed(after[fresh], random)]
+        level, level_walks = after[followed], [_path(level_walks, steps, place) for place in followed]
+
+
+def _beyond(state: NDArray[np.object_], low: NDArray[np.object_], high: NDArray[np.object_]) -> bool:
+    return bool(np.any(state < low) or np.any(state > high))
+
+
+def _path(
+    walks: Sequence[tuple[dict[str, bool], ...]], steps: Sequence[dict[str, bool]], place: int
+) -> tuple[dict[str, bool], ...]:
+    """The steps to the state at a place among those after every kind of step from every walk's end."""
+    return *walks[place // len(steps)], steps[place % len(steps)]
 
 
 def _followed(fresh: NDArray[np.object_], random: np.random.Generator) -> list[int]:
