@@ -211,7 +211,7 @@ def verify(
     Raises VerificationError at the first bit that differs, or that comes in another clock than it should.
     """
     from kalmanhdl.simulate.engine import Engine
-    from kalmanhdl.verify.compare import border_of
+    from kalmanhdl.verify.border import border_of
     from kalmanhdl.verify.compare import verify as run
     from kalmanhdl.verify.stimulus import Section, from_model, from_plots, random_sections, walking
     from kalmanhdl.verify.walk import walks

@@ -16,7 +16,8 @@ from kalmanhdl.target import device
 from kalmanhdl.toolchain.cxxrtl import build_library
 from kalmanhdl.toolchain.simulation import Compiled
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
-from kalmanhdl.verify.compare import border_of, verify
+from kalmanhdl.verify.border import border_of
+from kalmanhdl.verify.compare import verify
 from kalmanhdl.verify.stimulus import Section, random_steps
 from planning import planned
 

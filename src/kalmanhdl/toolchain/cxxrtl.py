@@ -11,7 +11,7 @@ from pathlib import Path
 from kalmanhdl.errors import ToolError, VerificationError
 from kalmanhdl.toolchain import cache
 from kalmanhdl.toolchain.compiler import find_compiler
-from kalmanhdl.toolchain.harness import Border, pairs_header
+from kalmanhdl.toolchain.harness import Border, pairs_header, watches_header
 from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.process import Tool, run, working_folder
 from kalmanhdl.toolchain.yosys import outputs_of
@@ -47,7 +47,8 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     Raises ToolError where a tool is missing or fails, and VerificationError where the design has a latch:
     a simulation by clocks takes it for a register.
     """
-    texts = {"model.h": _beside("cxxrtl_model.h"), "pairs.h": pairs_header(border, _reach, _reach)}
+    pairs = pairs_header(border, _reach) + watches_header(border, _reach)
+    texts = {"model.h": _beside("cxxrtl_model.h"), "pairs.h": pairs}
     names, harness = _names_header(top, border), _beside("stream_harness.cc")
     return compile_simulator(verilog, top, names, harness, texts, optimised=optimised)
 

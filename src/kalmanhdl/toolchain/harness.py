@@ -55,17 +55,21 @@ class Border:
         return ((self.source, self.sink), *self.further)
 
 
-def pairs_header(border: Border, port: Reach, wire: Reach) -> str:
-    """The ports of a design for ``stream_harness.cc``, with the C++ of its ports and of wires inside it."""
-    looks = [_watch(number, watch, wire) for number, watch in enumerate(border.watches)]
+def pairs_header(border: Border, port: Reach) -> str:
+    """The ports of a design for who drives it in C++, with the C++ of each."""
     lines = [
         f"constexpr size_t PAIRS = {len(border.pairs)};",
         f"void reset(Model &model, bool on) {{ set({port(border.reset)}, on); }}",
-        f"void watch(Model &model, Watched *watched) {{{''.join(looks)} }}",
         "template <size_t> struct Pair;",
         *(line for number, pair in enumerate(border.pairs) for line in _pair(number, *pair, port)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def watches_header(border: Border, wire: Reach) -> str:
+    """The watches of a design for ``stream_harness.cc``, with the C++ of wires inside it."""
+    looks = [_watch(number, watch, wire) for number, watch in enumerate(border.watches)]
+    return f"void watch(Model &model, Watched *watched) {{{''.join(looks)} }}\n"
 
 
 def _pair(number: int, source: Stream, sink: Stream, reach: Reach) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kalmanhdl.toolchain import cache
 from kalmanhdl.toolchain.compiler import find_compiler
-from kalmanhdl.toolchain.harness import Border, pairs_header
+from kalmanhdl.toolchain.harness import Border, pairs_header, watches_header
 from kalmanhdl.toolchain.installed import installed, version_line
 from kalmanhdl.toolchain.process import Tool, run, working_folder
 
@@ -44,8 +44,9 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
     texts = {
         "design.v": verilog,
         "watches.vlt": _watches(border),
-        "model.h": _beside("verilator_model.h"),
-        "pairs.h": pairs_header(border, _port, lambda name: _wire(top, name)),
+        "model.h": model_header(),
+        "top.h": top_header("Vdesign", "Vdesign___024root"),
+        "pairs.h": ports_header(border) + watches_header(border, lambda name: _wire(top, name)),
         "harness.cc": _beside("stream_harness.cc"),
     }
     how = (version_line(tool, "--version"), *compiler.command, *_FLAGS, *options, top)
@@ -63,6 +64,21 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
             shutil.copyfile(work / "simulator.so", folder / "simulator.so")
 
     return cache.entry("verilator", (*how, *texts.values()), make) / "simulator.so"
+
+
+def model_header() -> str:
+    """The C++ of a model behind what drives it: values on ports, and clocks."""
+    return _beside("verilator_model.h")
+
+
+def top_header(model: str, *parts: str) -> str:
+    """What ``verilator_model.h`` reads: the class of the model, and its headers."""
+    return "".join(f'#include "{name}.h"\n' for name in (model, *parts)) + f"using Top = {model};\n"
+
+
+def ports_header(border: Border) -> str:
+    """The ports of a design for who drives its model in C++."""
+    return pairs_header(border, _port)
 
 
 def _watches(border: Border) -> str:

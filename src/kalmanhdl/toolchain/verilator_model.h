@@ -2,8 +2,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <stdexcept>
-#include "Vdesign.h"
-#include "Vdesign___024root.h"
+#include "top.h"
 
 double sc_time_stamp() { return 0; }
 
@@ -34,7 +33,7 @@ bool bit(CData port) { return port; }
 
 struct Model {
     VerilatedContext context;
-    Vdesign top{&context};
+    Top top{&context};
     bool settle() {
         top.clk = 0;
         return evaluate();

@@ -17,10 +17,9 @@ from kalmanhdl.simulate.engine import Trace as EngineTrace
 from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
 from kalmanhdl.toolchain.harness import Border, Stream, Watch
 from kalmanhdl.toolchain.simulation import Run, Sent, Simulate, Traces
+from kalmanhdl.verify.border import RESET, border_of, sent_numbers, state_watches, stream_pair
 from kalmanhdl.verify.clocks import Clocks, clocks_of
 from kalmanhdl.verify.stimulus import Section, Steps
-
-RESET = "rst"
 
 Words = NDArray[np.uint64]
 
@@ -53,41 +52,6 @@ class Mismatch:
             f"step {self.step} (track {self.track}), {self.signal}: the Verilog gives {self.verilog}, "
             f"the engine {self.engine} (raw integers)"
         )
-
-
-def border_of(interface: Interface) -> Border:
-    """The streams of the generated module, and its states as watches."""
-    first, *further = (_pair(interface, prefix) for prefix in interface.streams)
-    source, sink = first
-    # A token whose reset bit is set is no step but a reset of one clock.
-    source = replace(source, payload=(*source.payload, (RESET, 1)))
-    watches = (watch for scope in interface.scopes for watch in _watches(interface, scope))
-    return Border(source=source, sink=sink, further=tuple(further), watches=tuple(watches))
-
-
-def _pair(interface: Interface, prefix: str) -> tuple[Stream, Stream]:
-    tag = [("command", COMMAND_WIDTH)] + ([("track", interface.track_width)] if interface.track_width else [])
-    into = [*((f"in_{n}", w) for n, w in tag), *((p.name, p.width) for p in _inputs(interface))]
-    out = [*((f"out_{n}", w) for n, w in tag), *((p.name, p.width) for p in interface.outputs)]
-    source, sink = (tuple((prefix + name, width) for name, width in ports) for ports in (into, out))
-    return (
-        Stream(valid=f"{prefix}in_valid", ready=f"{prefix}in_ready", payload=source),
-        Stream(valid=f"{prefix}out_valid", ready=f"{prefix}out_ready", payload=sink),
-    )
-
-
-def _watches(interface: Interface, scope: str) -> list[Watch]:
-    """The states of a lane, those that are written together in one watch; the order is that of every lane."""
-    width = interface.track_width - interface.lane_width
-    groups: dict[str, list[tuple[str, int]]] = {}
-    for state in interface.states:
-        wires = groups.setdefault(state.enable, [(scope + state.track, width)] if state.track else [])
-        wires.append((scope + state.data, state.form.width if state.form else 1))
-    return [Watch(enable=scope + enable, wires=tuple(wires)) for enable, wires in groups.items()]
-
-
-def _inputs(interface: Interface) -> tuple:  # type: ignore[type-arg]
-    return (*interface.numbers, *interface.present)
 
 
 def verify(
@@ -125,7 +89,7 @@ def verify(
         before = _left_behind(border, shown, section, parts, trace, expected, before)
         since = trace[0].cycles
     width = sum(w for _, w in border.sink.payload) + sum(
-        w for state in _watches(shown, "") for _, w in state.wires
+        w for state in state_watches(shown, "") for _, w in state.wires
     )
     sent = sum(len(section.steps.order) for section in sections)
     return Verification(
@@ -257,13 +221,7 @@ def _left_behind(
 
 def _packed(source: Stream, interface: Interface, steps: Steps) -> Words:
     """One token a step, in sending order."""
-    fields: dict[str, Integers] = {
-        "in_command": steps.commands.ravel()[steps.order],
-        "in_track": interface.track_id(steps.tracks),
-    }
-    fields |= {port.name: steps.inputs[port.signal].ravel()[steps.order] for port in interface.numbers}
-    fields |= {port.name: steps.offered[port.signal].ravel()[steps.order] for port in interface.present}
-    fields[RESET] = np.zeros(len(steps.order), np.int64)
+    fields = {**sent_numbers(steps, interface), RESET: np.zeros(len(steps.order), np.int64)}
     words = [_words(fields[_bare(name, interface)], width) for name, width in source.payload]
     return np.concatenate(words, axis=1)
 
@@ -310,12 +268,14 @@ def _first_mismatch(
     border: Border, interface: Interface, parts: _Parts, traces: Traces, expected: EngineTrace
 ) -> Mismatch | None:
     found = [
-        _in_outputs(_columns(trace.outputs, _pair(interface, "")[1].payload), interface, part.steps, expected)
+        _in_outputs(
+            _columns(trace.outputs, stream_pair(interface, "")[1].payload), interface, part.steps, expected
+        )
         for part, trace in zip(parts.streams, traces, strict=True)
     ]
     # The simulation keeps no more records than it is given steps, of the second part of a blocked section.
     if not parts.lanes[0].blocked:
-        looks = _watches(interface, "")
+        looks = state_watches(interface, "")
         for number, records in enumerate(traces[0].watched):
             lane, look = divmod(number, len(looks))
             found.append(_in_states(looks[look], interface, parts.lanes[lane], records, expected.states))
