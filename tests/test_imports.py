@@ -26,7 +26,7 @@ LINE = (
         "design",
         "design_file",
     ),
-    *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "processor"),
+    *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "testbench", "processor"),
     *("pipeline", "report", "reproduce", "output", "build", "tables", "console"),
     *("processor_commands", "cli", "__main__"),
 )

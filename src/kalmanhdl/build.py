@@ -3,7 +3,7 @@
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import count
@@ -20,6 +20,7 @@ from kalmanhdl.pipeline import (
     Implemented,
     Progress,
     areas,
+    bench_files,
     compile_design,
     implement,
     interface_of,
@@ -76,6 +77,10 @@ def build(
     seconds: dict[str, float] = {}
     hardware = compile_design(design, progress)
     steps = usual_steps(hardware, simulators) if verify_steps is None else verify_steps
+    # The engine that is made for other stages as well.
+    optimised = plots is not None or (steps > 0 and worth_optimising(hardware, steps))
+    with timed(seconds, "testbench", progress, "computing the vectors of the test bench"):
+        bench = bench_files(hardware, optimised=optimised)
     simulation = None
     if plots is not None:
         with timed(
@@ -104,7 +109,7 @@ def build(
     )
     progress("writing the report")
     with new_folder(out, force=force) as folder:
-        write_build(record, folder)
+        write_build(record, bench, folder)
     return record
 
 
@@ -115,8 +120,11 @@ def prepare(*, place: bool, progress: Progress) -> None:
     warm_up((YOSYS, NEXTPNR_ECP5) if place else (YOSYS,), progress)
 
 
-def write_build(record: Record, folder: Path) -> None:
-    """Write everything that a build made into a folder. Raises OSError, OutputError."""
+def write_build(record: Record, bench: Mapping[str, str], folder: Path) -> None:
+    """Write everything that a build made into a folder; ``bench`` has the files of its test bench.
+
+    Raises OSError, OutputError.
+    """
     # Plots take a second to import.
     from kalmanhdl.graph.text import print_graph
     from kalmanhdl.report.writer import write_report
@@ -128,8 +136,10 @@ def write_build(record: Record, folder: Path) -> None:
         f"{hardware.design.name}.v": hardware.verilog,
         "graph.txt": print_graph(hardware.numbers.graph),
         "schedule.txt": print_plan(hardware.plan),
+        **bench,
     }
     for name, text in texts.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
     write_report(record, folder)
 

@@ -1,7 +1,7 @@
 """The whole line: each stage is a function from the values before it to its own."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -244,6 +244,16 @@ def verify(
         for kind, sections in runs:
             verified.append(run(simulate, name, plan, shown, engine, sections, stimulus=kind))
     return tuple(verified)
+
+
+def bench_files(hardware: Hardware, *, optimised: bool) -> Mapping[str, str]:
+    """The test bench that a build ships, file by file; ``optimised`` says which engine makes its vectors."""
+    from kalmanhdl.simulate.engine import Engine
+    from kalmanhdl.testbench.folder import contents
+
+    design = hardware.design
+    engine = Engine.of(hardware.numbers.typed, optimised=optimised)
+    return contents(design.name, design.model, hardware.plan, hardware.interface, engine)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,1 @@
+"""The test bench that a build ships: its steps, its vectors, and its folder."""
