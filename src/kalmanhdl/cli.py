@@ -10,6 +10,7 @@ import typer
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
 from kalmanhdl.errors import DesignError, OutputError
+from kalmanhdl.loading_commands import image
 from kalmanhdl.processor_commands import asm, compile_filter, disasm, execute
 from kalmanhdl.validation import InvalidValueError
 
@@ -471,6 +472,7 @@ def _simulators(word: str) -> "tuple[Simulator, ...]":
     return (Simulator(word),)
 
 
+app.command()(image)
 app.command()(asm)
 app.command()(disasm)
 app.command("exec")(execute)

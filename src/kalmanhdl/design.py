@@ -34,6 +34,13 @@ SOLVER_SECONDS = 2.0
 """Enough for most filters; seconds of the solver's own, some of a processor's each."""
 
 
+class Coefficients(StrEnum):
+    """Whether the model's numbers are part of the hardware, or kept in it so that they can be changed."""
+
+    FIXED = "fixed"
+    LOADABLE = "loadable"
+
+
 class Streams(StrEnum):
     """How steps reach the lanes: by one stream that all share, or each by a stream of its own."""
 
@@ -58,6 +65,9 @@ class Architecture:
 
     ``lanes`` such filters stand side by side, each with ``channels`` tracks, ``units`` and
     ``multiplier_blocks`` of its own; ``streams`` lead to them.
+
+    With ``coefficients`` "loadable" every number of the model, and what is derived from it, is kept in
+    registers that a port writes, but for the model's zeros; fixed point, and linear models.
     """
 
     interval: int | None = None
@@ -71,6 +81,7 @@ class Architecture:
     solver_seconds: float = SOLVER_SECONDS
     lanes: int = 1
     streams: Streams = Streams.ONE
+    coefficients: Coefficients = Coefficients.FIXED
 
     def __post_init__(self) -> None:
         if self.interval is not None:
@@ -85,10 +96,9 @@ class Architecture:
             problem = f" = {shown(self.multiplier)}: one of {words}"
             raise InvalidValueError("architecture", "multiplier", problem) from None
         _check_integer("architecture", "lanes", self.lanes, 1, MAX_LANES)
-        if self.streams not in tuple(Streams):
-            problem = f" = {shown(self.streams)}: {nearest(str(self.streams), tuple(Streams))}"
-            raise InvalidValueError("architecture", "streams", problem)
-        object.__setattr__(self, "streams", Streams(self.streams))
+        object.__setattr__(self, "streams", Streams(_word("streams", self.streams, tuple(Streams))))
+        chosen = _word("coefficients", self.coefficients, tuple(Coefficients))
+        object.__setattr__(self, "coefficients", Coefficients(chosen))
         clock = self.clock_mhz
         is_number = isinstance(clock, int | float) and not isinstance(clock, bool)
         if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):
@@ -277,6 +287,12 @@ def _check_units(units: object) -> None:
             problem = f" is unknown: {nearest(str(kind), KINDS)}"
             raise InvalidValueError("architecture.units", str(kind), problem)
         _check_integer("architecture.units", kind, count, 1, MAX_BLOCKS)
+
+
+def _word(key: str, word: str, words: tuple[str, ...]) -> str:
+    if word not in words:
+        raise InvalidValueError("architecture", key, f" = {shown(word)}: {nearest(str(word), words)}")
+    return word
 
 
 def _check_number(key: str, value: float, high: float) -> None:

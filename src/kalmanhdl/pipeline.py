@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from kalmanhdl.arithmetic.product_structure import LogicProduct
-from kalmanhdl.design import Architecture, Design
+from kalmanhdl.design import Architecture, Coefficients, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.operations import Binary, Function, Unary
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
@@ -166,15 +166,25 @@ def interface_of(design: Design, plan: Plan) -> Interface:
 
 def numbers_of(design: Design) -> Numbers | FloatNumbers:
     """The numbers of a design, fixed or floating point. Raises FormatError."""
+    loadable = design.architecture.coefficients is Coefficients.LOADABLE
     if isinstance(design.numerics, FloatSpecification):
+        if loadable:
+            problem = ' = "loadable" is for fixed point: use "fixed"'
+            raise InvalidValueError("architecture", "coefficients", problem)
         return float_numbers(design.model, design.algorithm, design.numerics)
     return fixed_numbers(design)
 
 
 def fixed_numbers(design: Design) -> Numbers:
     """The fixed-point numbers of a design. Raises FormatError, and DesignError for floating point."""
-    shared = design.architecture.shares_multipliers
-    return numbers(design.model, design.algorithm, design.fixed_point, on_multipliers=shared)
+    asked = design.architecture
+    return numbers(
+        design.model,
+        design.algorithm,
+        design.fixed_point,
+        on_multipliers=asked.shares_multipliers,
+        loadable=asked.coefficients is Coefficients.LOADABLE,
+    )
 
 
 def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None = None) -> Simulation:

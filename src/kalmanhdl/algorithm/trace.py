@@ -23,7 +23,7 @@ def trace(model: Model, filter_: Filter) -> Graph:
     ``x[i]``, ``P[i,i]``, ``innovation[j]`` and ``nis``; flags ``initialise`` and ``valid[j]``; inputs
     ``z[j]`` and ``u[k]``.
     """
-    pattern = _started(model, filter_)
+    pattern = started(model, filter_)
     while True:
         graph, filled = _traced(model, filter_, pattern)
         if all(np.array_equal(filled[name], pattern[name]) for name in pattern):
@@ -31,9 +31,9 @@ def trace(model: Model, filter_: Filter) -> Graph:
         pattern = filled
 
 
-def _started(model: Model, filter_: Filter) -> Pattern:
+def started(model: Model, filter_: Filter, builder: Builder | None = None) -> Pattern:
     """The elements that are not zero in a memory that has just started; every mean may be any number."""
-    builder = Builder()
+    builder = builder or Builder()
     everything = {kept.name: np.ones(kept.shape, bool) for kept in filter_.kept}
     memory = filter_.start(_states(builder, filter_, everything), _inputs(builder, model))
     means = {kept.name for kept in filter_.kept if kept.kind is Kind.STATE}
@@ -49,13 +49,18 @@ def _filled(array: NDArray[Any]) -> NDArray[np.bool_]:
 
 def _traced(model: Model, filter_: Filter, pattern: Pattern) -> tuple[Graph, Pattern]:
     """The graph when the memory has a pattern of elements, and that pattern with those a step fills."""
-    builder = Builder()
+    graph, filled = on_builder(Builder(), model, filter_, pattern)
+    return simplified(graph), filled
+
+
+def on_builder(builder: Builder, model: Model, filter_: Filter, pattern: Pattern) -> tuple[Graph, Pattern]:
+    """The graph as a builder collects it, not yet simplified, and the pattern with what a step fills."""
     memory = _states(builder, filter_, pattern)
     outcome = step(filter_, memory, _inputs(builder, model))
     filled = {name: pattern[name] | _filled(array) for name, array in outcome.memory.items()}
     states, outputs = _results(builder, filter_, outcome, pattern)
     live = _live(builder, states, outputs)
-    return simplified(builder.graph([s for s in states if s[0] in live], outputs)), filled
+    return builder.graph([s for s in states if s[0] in live], outputs), filled
 
 
 def _states(builder: Builder, filter_: Filter, pattern: Pattern) -> Memory:
@@ -91,7 +96,7 @@ Named = list[tuple[str, int]]
 
 def _results(builder: Builder, filter_: Filter, outcome: Outcome, pattern: Pattern) -> tuple[Named, Named]:
     def index(value: object) -> int:
-        return value.index if isinstance(value, Signal) else builder.constant(float(value))  # type: ignore[arg-type]
+        return value.index if isinstance(value, Signal) else builder.number(float(value))  # type: ignore[arg-type]
 
     states = [
         (each.element(place), index(outcome.memory[each.name][place]))

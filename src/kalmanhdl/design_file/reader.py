@@ -146,6 +146,7 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             solver_seconds=architecture.solver_seconds,
             lanes=architecture.lanes,
             streams=architecture.streams,
+            coefficients=architecture.coefficients,
         ),
         target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
     )

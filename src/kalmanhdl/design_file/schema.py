@@ -9,7 +9,7 @@ from kalmanhdl.algorithm.converted import At as ConvertedAt
 from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.arithmetic.product_structure import LogicProduct
-from kalmanhdl.design import SOLVER_SECONDS, Streams
+from kalmanhdl.design import SOLVER_SECONDS, Coefficients, Streams
 from kalmanhdl.design_file.values import (
     Axes,
     Division,
@@ -291,6 +291,7 @@ class ArchitectureTable(Table):
     solver_seconds: Number = SOLVER_SECONDS
     lanes: Integer = 1
     streams: Streams = Streams.ONE
+    coefficients: Coefficients = Coefficients.FIXED
 
 
 class TargetTable(Table):

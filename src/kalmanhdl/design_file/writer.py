@@ -269,6 +269,8 @@ def _architecture(architecture: Architecture) -> Lines:
         lines.append(f"solver_seconds = {_number(architecture.solver_seconds)}")
     if architecture.lanes > 1:
         lines += [f"lanes = {architecture.lanes}", f"streams = {_text(architecture.streams)}"]
+    if architecture.coefficients != Architecture().coefficients:
+        lines.append(f"coefficients = {_text(architecture.coefficients)}")
     return lines
 
 

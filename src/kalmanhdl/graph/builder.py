@@ -66,6 +66,10 @@ class Builder:
         """A constant. Folding stays in doubles, so that a value never grows without bound."""
         return self.intern(Constant(Fraction(value)))
 
+    def number(self, value: float) -> int:
+        """A number that an algorithm computes with."""
+        return self.constant(value)
+
     def value(self, index: int) -> Fraction | None:
         """The value of a constant, None for anything else."""
         operation = self.operations[index]

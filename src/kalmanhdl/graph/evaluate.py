@@ -11,6 +11,7 @@ from kalmanhdl.graph.operations import (
     And,
     Binary,
     Bits,
+    Coefficient,
     Constant,
     Divide,
     Flag,
@@ -49,6 +50,8 @@ def evaluate(graph: Graph, leaves: Mapping[str, Any]) -> list[Any]:
 
 def _value(operation: Operation, v: list[Any], leaves: Mapping[str, Any]) -> Any:
     match operation:
+        case Coefficient(value=value):
+            return float(value)
         case Input(name) | Flag(name) | State(name) | StateFlag(name):
             return leaves[name]
         case Constant(value):

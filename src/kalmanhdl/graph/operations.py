@@ -21,6 +21,16 @@ class Input:
 
 
 @dataclass(frozen=True, slots=True)
+class Coefficient(Input):
+    """A number ``c[k]`` of the model, or one derived from it, that the hardware keeps and can be given anew.
+
+    ``value`` is that of the model of which the graph was made.
+    """
+
+    value: Fraction
+
+
+@dataclass(frozen=True, slots=True)
 class Flag:
     """A flag that comes with every step: ``initialise`` or ``valid[j]``."""
 
@@ -209,6 +219,7 @@ class Not:
 
 Number = (
     Input
+    | Coefficient
     | State
     | Constant
     | Add

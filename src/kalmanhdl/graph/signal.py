@@ -21,7 +21,7 @@ class Signal:
         self.index = index
 
     def _lift(self, other: Any) -> int:
-        return other.index if isinstance(other, Signal) else self.builder.constant(float(other))
+        return other.index if isinstance(other, Signal) else self.builder.number(float(other))
 
     def _signal(self, index: int) -> "Signal":
         return Signal(self.builder, index)
@@ -134,4 +134,4 @@ def named_at(origin: str, place: tuple[int, ...], element: Scalar) -> None:
 
 
 def _index(builder: Builder, value: Scalar) -> int:
-    return value.index if isinstance(value, Signal) else builder.constant(float(value))
+    return value.index if isinstance(value, Signal) else builder.number(float(value))

@@ -15,6 +15,7 @@ from kalmanhdl.graph.operations import (
     Add,
     Binary,
     Bits,
+    Coefficient,
     Constant,
     Divide,
     Flag,
@@ -62,6 +63,8 @@ MARGIN = {
     "product": 4.0,
     "nis": 8.0,
     "control": 2.0,
+    # Of coefficients, which other models have as well; numbers that stay need none.
+    "constant": 2.0,
 }
 
 
@@ -138,6 +141,11 @@ class _Lowering:
     def _lowered(self, index: int, operation: Operation) -> int:
         builder = self.builder
         match operation:
+            case Coefficient(name, value):
+                form = self._form(index, signal_of(name))
+                leaf = builder.intern(Coefficient(name, form.real(form.nearest(value))))
+                self.given[leaf] = form
+                return leaf
             case Input(name) | State(name):
                 leaf = builder.intern(operation)
                 self.given[leaf] = self._form(index, signal_of(name))

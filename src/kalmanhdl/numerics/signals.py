@@ -21,6 +21,7 @@ _CLASSES = {
     "K": "gain",
     "Kv": "gain",
     "steps": "bit",
+    "c": "constant",
 }
 # The belief after an update has its format as a state of the filter, after the command is known.
 _ROUNDED_AS_STATE = {

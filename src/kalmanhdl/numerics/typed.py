@@ -1,11 +1,12 @@
 """A graph whose numbers are raw integers: a format and an interval for every operation."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from kalmanhdl.arithmetic.division import DivisionMethod
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.arithmetic.product_structure import LogicProduct
-from kalmanhdl.graph.operations import Graph
+from kalmanhdl.graph.operations import Coefficient, Graph
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,3 +54,18 @@ class TypedGraph:
     violations: tuple[Violation, ...]
     scales: dict[str, float]
     logic_product: LogicProduct = LogicProduct.BOOTH
+
+    @property
+    def coefficients(self) -> dict[str, int]:
+        """The raw integers of the coefficients, by name, for the model of which the graph was made."""
+        both = zip(self.graph.operations, self.formats, strict=True)
+        return {op.name: form.nearest(op.value) for op, form in both if isinstance(op, Coefficient) and form}
+
+    def loaded(self, raws: Mapping[str, int]) -> "TypedGraph":
+        """The same graph with other coefficients, given as raw integers by name."""
+        both = zip(self.graph.operations, self.formats, strict=True)
+        operations = tuple(
+            replace(op, value=form.real(raws[op.name])) if isinstance(op, Coefficient) and form else op
+            for op, form in both
+        )
+        return replace(self, graph=replace(self.graph, operations=operations))

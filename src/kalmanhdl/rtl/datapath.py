@@ -47,6 +47,7 @@ class Datapath(Component):
             {
                 "valid": In(1),
                 "step": In(step_layout(interface)),
+                **{port.field: In(shape(port.form)) for port in interface.coefficients},
                 **{identifier(name): In(shape(formats[index])) for name, index in _states(plan)},
                 **{f"next_{identifier(s.state)}": Out(shape(s.form)) for s in interface.states},
                 **{f"valid_c{cycle}": Out(1) for cycle in valid_cycles},
@@ -75,7 +76,8 @@ class Datapath(Component):
     def _inputs(self) -> dict[str, Value]:
         ports = (*self._interface.numbers, *self._interface.present)
         initialise = self.step.command == Command.INITIALISE
-        return {INITIALISE_FLAG: initialise} | {port.signal: self.step[port.field] for port in ports}
+        kept = {port.signal: getattr(self, port.field) for port in self._interface.coefficients}
+        return {INITIALISE_FLAG: initialise} | {p.signal: self.step[p.field] for p in ports} | kept
 
     def _connect_results(self, m: Module, phases: Phases, values: Values) -> None:
         last = result_cycle(self._plan)

@@ -3,6 +3,8 @@
 from amaranth.hdl import Module, Signal, Value
 from amaranth.lib.wiring import Component, In, Member, Out
 
+from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.rtl.coefficients import Coefficients
 from kalmanhdl.rtl.context import Bank, MemoryBank, RegisterBank, bank_layout, banks
 from kalmanhdl.rtl.datapath import Datapath, result_cycle
 from kalmanhdl.rtl.flow import Credits, ResultQueue, SkidBuffer, queue_depth
@@ -28,6 +30,11 @@ def ports(shown: Interface) -> dict[str, Member]:
     }
 
 
+def loading_ports(shown: Interface) -> dict[str, Member]:
+    """The ports by which coefficients are written, by name."""
+    return {name: In(width) for name, width in shown.loading}
+
+
 def most_held(plan: Plan) -> int:
     """Steps that a filter takes, at most, while none of its results is taken."""
     entrance, waiting, at_exit = 2, 2, 1
@@ -46,7 +53,7 @@ class Filter(Component):
         self._plan = plan
         self._interface = interface(plan)
         self._banks = banks(plan)
-        super().__init__(ports(self._interface))
+        super().__init__(ports(self._interface) | loading_ports(self._interface))
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -59,6 +66,7 @@ class Filter(Component):
         )
         m.d.comb += [datapath.valid.eq(issue.valid), datapath.step.eq(issue.step)]
         writes = self._show_writes(m, datapath)
+        self._connect_coefficients(m, datapath)
         for bank in self._banks:
             self._connect_bank(m, bank, issue, datapath, writes)
         self._connect_output(m, issue, datapath)
@@ -69,7 +77,8 @@ class Filter(Component):
         m.submodules.entrance = entrance = SkidBuffer(layout)
         present = tuple(port.field for port in self._interface.present)
         issue = Issue(layout, present, pace(self._plan))
-        m.d.comb += [entrance.i.valid.eq(self.in_valid), self.in_ready.eq(entrance.i.ready)]
+        offered = self.in_valid & ~self.coefficient_write if self._interface.coefficients else self.in_valid
+        m.d.comb += [entrance.i.valid.eq(offered), self.in_ready.eq(entrance.i.ready)]
         for field in layout.members:
             m.d.comb += entrance.i.payload[field].eq(getattr(self, f"in_{field}"))
         m.d.comb += [
@@ -78,6 +87,17 @@ class Filter(Component):
             entrance.o.ready.eq(issue.i.ready),
         ]
         return issue
+
+    def _connect_coefficients(self, m: Module, datapath: Datapath) -> None:
+        shown = self._interface
+        if not shown.coefficients:
+            return
+        assert isinstance(self._plan.typed, TypedGraph)
+        m.submodules.coefficients = kept = Coefficients(shown, self._plan.typed.coefficients)
+        m.d.comb += [getattr(kept, name).eq(getattr(self, name)) for name, _ in shown.loading]
+        m.d.comb += [
+            getattr(datapath, port.field).eq(getattr(kept, port.field)) for port in shown.coefficients
+        ]
 
     def _show_writes(self, m: Module, datapath: Datapath) -> dict[str, Value]:
         """Wires that show what is written to the context, by the names that ``StateWrite`` tells."""

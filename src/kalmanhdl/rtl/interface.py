@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.design import Streams
-from kalmanhdl.graph.operations import Flag, Input, is_flag
+from kalmanhdl.graph.operations import Coefficient, Flag, Input, is_flag
 from kalmanhdl.rtl.names import identifier
 from kalmanhdl.schedule.plan import Plan
 
@@ -82,6 +82,9 @@ class Interface:
     ``in_track`` (if ``track_width``), ``in_command``, ``numbers`` and ``present``; out ``out_valid``,
     ``out_ready``, ``out_track``, ``out_command`` and ``outputs``.
 
+    ``coefficients`` are written through ``coefficient_write``, ``coefficient_address`` and
+    ``coefficient_data``: the k-th has the address k, its raw integer stands in the low bits of the data.
+
     With several lanes the track of number t lives in lane t mod ``lanes`` as its track t div ``lanes``.
     ``streams`` has the prefix that the ports of each pair of streams have, ``scopes`` the prefix of the
     wires of each lane. Where lanes share the streams, the low ``lane_width`` bits of a track id are the lane.
@@ -94,8 +97,18 @@ class Interface:
     states: tuple[StateWrite, ...]
     lanes: int = 1
     lane_width: int = 0
+    coefficients: tuple[Port, ...] = ()
     streams: tuple[str, ...] = ("",)
     scopes: tuple[str, ...] = ("",)
+
+    @property
+    def loading(self) -> tuple[tuple[str, int], ...]:
+        """The ports by which coefficients are written, each with its width; none without any."""
+        if not self.coefficients:
+            return ()
+        address = max(1, (len(self.coefficients) - 1).bit_length())
+        data = max(port.width for port in self.coefficients)
+        return ("coefficient_write", 1), ("coefficient_address", address), ("coefficient_data", data)
 
     def track_id(self, track: Number) -> Number:
         """What a stream calls the track of this number, or of these numbers."""
@@ -124,17 +137,20 @@ def interface(plan: Plan, lanes: int = 1, streams: Streams = Streams.ONE) -> Int
 def _of_one(plan: Plan) -> Interface:
     """The interface of one filter. Ports are sorted: z before u, each by its index."""
     operations = plan.typed.graph.operations
-    numbers = {o.name: plan.typed.formats[k] for k, o in enumerate(operations) if isinstance(o, Input)}
+    inputs = {o.name: plan.typed.formats[k] for k, o in enumerate(operations) if isinstance(o, Input)}
+    kept = {o.name for o in operations if isinstance(o, Coefficient)}
+    numbers = [name for name in sorted(inputs, key=_input_order) if name not in kept]
     flags = {o.name for o in operations if isinstance(o, Flag)} - {INITIALISE_FLAG}
     return Interface(
         track_width=track_width(plan.channels),
-        numbers=tuple(
-            _port("in", identifier(name), name, numbers[name]) for name in sorted(numbers, key=_input_order)
-        ),
+        numbers=tuple(_port("in", identifier(name), name, inputs[name]) for name in numbers),
         present=tuple(_port("in", _present(name), name, None) for name in sorted(flags, key=_input_order)),
         outputs=tuple(
             _port("out", identifier(name), name, _form(plan, index))
             for name, index in plan.typed.graph.outputs
+        ),
+        coefficients=tuple(
+            _port("in", identifier(name), name, inputs[name]) for name in sorted(kept, key=_input_order)
         ),
         states=tuple(_state_write(plan, name, index) for name, index in plan.typed.graph.states),
     )

@@ -6,7 +6,7 @@ from amaranth.lib.stream import Interface as StreamPort
 from amaranth.lib.wiring import Component, In
 
 from kalmanhdl.design import Streams
-from kalmanhdl.rtl.filter import most_held, ports
+from kalmanhdl.rtl.filter import loading_ports, most_held, ports
 from kalmanhdl.rtl.flow import ResultQueue
 from kalmanhdl.rtl.interface import interface, lane_name
 from kalmanhdl.rtl.layouts import result_layout, step_layout
@@ -30,6 +30,7 @@ class Lanes(Component):
         self._shown = shown = interface(plan, lanes, streams)
         super().__init__(
             {f"{pair}{name}": way for pair in shown.streams for name, way in ports(shown).items()}
+            | loading_ports(shown)
         )
 
     def elaborate(self, platform: object) -> Module:
@@ -37,6 +38,7 @@ class Lanes(Component):
         lanes = [self._wires(lane) for lane in range(self._shown.lanes)]
         for lane, wires in enumerate(lanes):
             m.submodules[lane_name(lane)] = self._instance(wires)
+            m.d.comb += [wires[name].eq(getattr(self, name)) for name, _ in self._shown.loading]
         if self._shown.lane_width:
             self._share(m, lanes)
         else:
@@ -46,11 +48,11 @@ class Lanes(Component):
 
     def _wires(self, lane: int) -> Wires:
         """Wires for the ports of a lane."""
-        own = ports(self._lane).items()
+        own = (ports(self._lane) | loading_ports(self._lane)).items()
         return {name: Signal(way.shape, name=f"{lane_name(lane)}_inside_{name}") for name, way in own}
 
     def _instance(self, wires: Wires) -> Instance:
-        ways = ports(self._lane)
+        ways = ports(self._lane) | loading_ports(self._lane)
         takes = {f"i_{name}": wire for name, wire in wires.items() if ways[name].flow is In}
         gives = {f"o_{name}": wire for name, wire in wires.items() if ways[name].flow is not In}
         return Instance(self._module, i_clk=ClockSignal(), i_rst=ResetSignal(), **takes, **gives)
@@ -70,6 +72,9 @@ class Lanes(Component):
         # With a place for every step that the lanes can hold it is never full.
         m.submodules.order = order = ResultQueue(number, 1 << (most - 1).bit_length(), in_luts=True)
         own = {name: getattr(self, name) for name in ports(self._shown)}
+        if self._shown.loading:
+            own["in_valid"] = Signal(name="step_valid")
+            m.d.comb += own["in_valid"].eq(self.in_valid & ~self.coefficient_write)
         m.d.comb += [
             *_put_in(distributor.i, own, step),
             *_take_out(collector.o, own, result),

@@ -12,6 +12,7 @@ from kalmanhdl.graph.operations import (
     And,
     Binary,
     Bits,
+    Coefficient,
     Constant,
     Divide,
     Flag,
@@ -143,6 +144,8 @@ class Values:
             case Constant(value):
                 form = self._form(index)
                 return Always(Const(int(value / form.resolution), shape(form)))
+            case Coefficient(signal):
+                return Always(self._inputs[signal])
             case Input(signal) | Flag(signal):
                 last = self._standing[index]
                 return Timeline(self._m, self._phases, name, self._inputs[signal], 0, last=last)

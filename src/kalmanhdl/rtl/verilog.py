@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from unittest.mock import patch
 
 from amaranth.back import rtlil
@@ -61,6 +62,7 @@ def header(plan: Plan, name: str, lanes: int = 1, streams: Streams = Streams.ONE
         "Out: out_valid, out_ready,",
         *_tag("out", plan, shown),
         *(_port(port, plan) for port in shown.outputs),
+        *_loading(plan, shown),
         "",
         *_RESET.splitlines(),
         "",
@@ -71,6 +73,16 @@ def header(plan: Plan, name: str, lanes: int = 1, streams: Streams = Streams.ONE
         *_LICENCE.splitlines(),
     ]
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _loading(plan: Plan, shown: Interface) -> Iterator[str]:
+    if not shown.coefficients:
+        return
+    yield ""
+    yield "Coefficients: coefficient_data is stored at coefficient_address in a clock in which"
+    yield "coefficient_write is high; no step is taken in it. They begin as those of the design's own model."
+    for address, port in enumerate(shown.coefficients):
+        yield _port(replace(port, name=f"  address {address}"), plan)
 
 
 def _lanes(plan: Plan, shown: Interface) -> Iterator[str]:

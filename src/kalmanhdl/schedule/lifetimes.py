@@ -7,17 +7,21 @@ held until the last of them is there, since they leave together. States are stor
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kalmanhdl.graph.operations import Constant, Flag, Graph, Input, State, StateFlag, operands
+from kalmanhdl.graph.operations import Coefficient, Constant, Flag, Graph, Input, State, StateFlag, operands
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.placement import CYCLE_BITS, OFFSET_MASK, Pace
 
 
 def widths(typed: TypedGraph | FloatGraph) -> list[int]:
-    """Bits that a register for each value takes: none for constants, both factors' for fused products."""
+    """Bits that a register for each value takes: none for what stands, both factors' for fused products."""
     pairs = typed.fused if isinstance(typed, FloatGraph) else frozenset[int]()
     return [
-        0 if isinstance(operation, Constant) else form.width * (1 + (index in pairs)) if form else 1
+        0
+        if isinstance(operation, Constant | Coefficient)
+        else form.width * (1 + (index in pairs))
+        if form
+        else 1
         for index, (operation, form) in enumerate(zip(typed.graph.operations, typed.formats, strict=True))
     ]
 

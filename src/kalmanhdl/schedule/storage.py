@@ -9,7 +9,7 @@ one after the other, so that one may wait for longer than an interval.
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from kalmanhdl.graph.operations import Constant, Flag, Input, State, StateFlag
+from kalmanhdl.graph.operations import Coefficient, Constant, Flag, Input, State, StateFlag
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.results import Wire, Wires
 from kalmanhdl.schedule.sharing import Unit, order, shifts
@@ -66,14 +66,14 @@ def wires(plan: Plan) -> Wires:
 def standing(plan: Plan) -> tuple[int, ...]:
     """The last cycle in which each value stands where it is made, without another register.
 
-    What comes with a step stands until the next step may come; the one track's states until they are
-    stored anew; other values for their one cycle.
+    Coefficients stand for ever. What comes with a step stands until the next step may come; the one
+    track's states until they are stored anew; other values for their one cycle.
     """
     roots = dict(plan.typed.graph.states)
     found: list[int] = []
     for index, operation in enumerate(plan.typed.graph.operations):
         match operation:
-            case Constant():
+            case Constant() | Coefficient():
                 found.append(plan.latency)
             case Input() | Flag():
                 found.append(plan.interval - 1)

@@ -97,9 +97,9 @@ def stimulus_of(model: Model, typed: TypedGraph | FloatGraph, plots: Plots) -> S
     given = commands(model, plots.z, plots.active)
     values = {f"z[{j}]": column for j, column in enumerate(np.moveaxis(within_turn(model, plots.z), -1, 0))}
     values |= {f"u[{k}]": plots.u[..., k] for k in range(model.p)}
-    inputs, clipped = {}, 0
+    inputs, clipped = coefficient_inputs(typed, given.shape), 0
     for index, operation in enumerate(typed.graph.operations):
-        if isinstance(operation, Input):
+        if isinstance(operation, Input) and operation.name not in inputs:
             form = typed.formats[index]
             assert form is not None
             real = np.nan_to_num(values[operation.name]) / typed.scales[operation.name]
@@ -108,6 +108,15 @@ def stimulus_of(model: Model, typed: TypedGraph | FloatGraph, plots: Plots) -> S
     flags = {f"valid[{j}]": ~np.isnan(plots.z[..., j]) & (given != Command.PREDICT) for j in range(model.m)}
     flags["initialise"] = given == Command.INITIALISE
     return Stimulus(commands=given, inputs=inputs, flags=flags, clipped=clipped)
+
+
+def coefficient_inputs(typed: TypedGraph | FloatGraph, shape: tuple[int, ...]) -> dict[str, Integers]:
+    """The coefficients that a graph was made with, the same in every step."""
+    raws = typed.coefficients if isinstance(typed, TypedGraph) else {}
+    return {
+        name: np.full(shape, value, np.int64 if abs(value) < 1 << 62 else object)
+        for name, value in raws.items()
+    }
 
 
 def raw(real: Array, form: Fixed | Float) -> tuple[Integers, NDArray[np.bool_]]:

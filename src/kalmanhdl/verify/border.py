@@ -17,7 +17,7 @@ def border_of(interface: Interface) -> Border:
     first, *further = streams_of(interface)
     source, sink = first
     # A token whose reset bit is set is no step but a reset of one clock.
-    source = replace(source, payload=(*source.payload, (RESET, 1)))
+    source = replace(source, payload=(*source.payload, *interface.loading, (RESET, 1)))
     watches = (watch for scope in interface.scopes for watch in state_watches(interface, scope))
     return Border(source=source, sink=sink, further=tuple(further), watches=tuple(watches))
 

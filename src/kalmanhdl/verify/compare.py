@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,16 +64,20 @@ def verify(
     sections: Sequence[Section],
     *,
     stimulus: str,
+    image: Sequence[int] = (),
 ) -> Verification:
     """Run sections of steps through a simulator of the Verilog and the engine and compare every bit.
 
-    Where nobody pauses, the clock in which each result comes is compared with what the plan says.
+    Before them the coefficients of ``image`` are written, by address. Where nobody pauses, the clock in
+    which each result comes is compared with what the plan says.
     Raises VerificationError at the first difference, or where the Verilog hangs.
     """
     border, clocks = border_of(shown), clocks_of(plan, shown)
     before: dict[str, Integers] | None = None
     since, seconds = 0, 0.0
-    traces = simulate.run(border, _runs(border, shown, clocks, sections))
+    traces = simulate.run(border, chain(_loads(border, image), _runs(border, shown, clocks, sections)))
+    if image:
+        since = [next(traces)[0].cycles for _ in range(2)][-1]
     for number, section in enumerate(sections):
         steps = section.steps
         begin = time.perf_counter()
@@ -125,6 +130,38 @@ def _of_lane(section: Section, shown: Interface, lane: int) -> Section:
     return replace(section, steps=replace(section.steps, order=section.steps.order[own]), left=left)
 
 
+def _loads(border: Border, image: Sequence[int]) -> Iterator[Run]:
+    """A token for each coefficient, which is no step, and a reset."""
+    if not image:
+        return
+    count = len(image)
+    yield _alone(
+        border,
+        coefficient_write=np.ones(count, np.int64),
+        coefficient_address=np.arange(count),
+        coefficient_data=np.array(image),
+    )
+    yield _pulse(border)
+
+
+def _pulse(border: Border) -> Run:
+    """A reset of one clock."""
+    return _alone(border, **{RESET: np.ones(1, np.int64)})
+
+
+def _alone(border: Border, **fields: Integers) -> Run:
+    """Tokens through the first stream, whose other ports are zero, without results."""
+    count = len(next(iter(fields.values())))
+    sent = []
+    for number, (source, _) in enumerate(border.pairs):
+        zeros = np.zeros(0 if number else count, np.int64)
+        words = [
+            _words(zeros if number else fields.get(name, zeros), width) for name, width in source.payload
+        ]
+        sent.append(Sent(tokens=np.concatenate(words, axis=1), results=0))
+    return Run(sent=tuple(sent))
+
+
 def _runs(border: Border, shown: Interface, clocks: Clocks, sections: Sequence[Section]) -> Iterator[Run]:
     """What is simulated: of a blocked section first what the hardware can hold; between sections a reset."""
     for number, section in enumerate(sections):
@@ -143,10 +180,7 @@ def _runs(border: Border, shown: Interface, clocks: Clocks, sections: Sequence[S
             )
             yield Run(sent=tuple(sent), stalls=section.stalls)
         if number + 1 < len(sections):
-            pulses = [np.zeros((0, each.shape[1]), np.uint64) for each in tokens]
-            pulses[0] = np.zeros((1, tokens[0].shape[1]), np.uint64)
-            pulses[0][0, -1] = 1
-            yield Run(sent=tuple(Sent(tokens=each, results=0) for each in pulses))
+            yield _pulse(border)
 
 
 def _joined(section: Section, traces: list[Traces], *, last: bool) -> Traces:
@@ -221,7 +255,8 @@ def _left_behind(
 
 def _packed(source: Stream, interface: Interface, steps: Steps) -> Words:
     """One token a step, in sending order."""
-    fields = {**sent_numbers(steps, interface), RESET: np.zeros(len(steps.order), np.int64)}
+    fields = {**sent_numbers(steps, interface)}
+    fields |= {name: np.zeros(len(steps.order), np.int64) for name in (RESET, *dict(interface.loading))}
     words = [_words(fields[_bare(name, interface)], width) for name, width in source.payload]
     return np.concatenate(words, axis=1)
 

@@ -19,7 +19,7 @@ from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.commands import Command, commands
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.limbs import Integers
-from kalmanhdl.simulate.side_by_side import stimulus_of
+from kalmanhdl.simulate.side_by_side import coefficient_inputs, stimulus_of
 from kalmanhdl.toolchain.simulation import Stalls
 from kalmanhdl.verify.clocks import Clocks, clocks_of
 from kalmanhdl.verify.walk import Walk
@@ -152,6 +152,7 @@ def random_steps(
         elif isinstance(operation, Flag) and operation.name != "initialise":
             offered[operation.name] = random.random(shape) >= _MISSED
     flags = {"initialise": given == Command.INITIALISE} | {n: seen & measured for n, seen in offered.items()}
+    inputs |= coefficient_inputs(typed, shape)
     return Steps(commands=given, inputs=inputs, flags=flags, order=order, offered=offered)
 
 
@@ -173,6 +174,7 @@ def walking(
         for operation, form in numbers
         if isinstance(operation, Input) and form is not None
     }
+    inputs |= coefficient_inputs(typed, shape)
     names = [op.name for op in typed.graph.operations if isinstance(op, Flag) and op.name != "initialise"]
     offered = {name: random.random(shape) >= (0 if calm else _MISSED) for name in names}
     for track in range(channels):
@@ -243,11 +245,14 @@ _SHORT, _SHORT_STEPS, _FILLING, _SHARE = 60, 30, 5, 2
 _IN_TURN = 0.3
 
 
-def random_sections(plan: Plan, shown: Interface, count: int, seed: int) -> tuple[Section, ...]:
+def random_sections(
+    plan: Plan, shown: Interface, count: int, seed: int, loaded: TypedGraph | FloatGraph | None = None
+) -> tuple[Section, ...]:
     """``count`` random steps: short sections that resets end, some that fill the hardware, two long ones.
 
-    One of the long sections never pauses.
+    One of the long sections never pauses. ``loaded`` is the plan's graph with other coefficients.
     """
+    typed = loaded or plan.typed
     clocks, streams, tracks = clocks_of(plan, shown), len(shown.streams), plan.channels * shown.lanes
     full = clocks.held_back
     random = np.random.default_rng(seed)
@@ -255,32 +260,38 @@ def random_sections(plan: Plan, shown: Interface, count: int, seed: int) -> tupl
     group = _FILLING * _SHORT_STEPS * streams + filling
     sections: list[Section] = []
     for _ in range(min(_SHORT // _FILLING, count // _SHARE // group)):
-        sections += [_short(plan, clocks, tracks, streams, random) for _ in range(_FILLING)]
+        sections += [_short(typed, clocks, tracks, streams, random) for _ in range(_FILLING)]
         # Tracks in turn, so that steps wait for a place only.
-        steps = random_steps(plan.typed, filling, tracks, _seed(random), in_turn=True)
+        steps = random_steps(typed, filling, tracks, _seed(random), in_turn=True)
         sections.append(Section(steps=steps, blocked=True))
     rest = count - sum(len(section.steps.order) for section in sections)
     pauses = Stalls(), Stalls(seed=seed, source=_STALLS[0], sink=_STALLS[0])
     for size, stalls in zip((rest // 2, rest - rest // 2), pauses, strict=True):
         if size:
-            steps = random_steps(plan.typed, size, tracks, _seed(random))
+            steps = random_steps(typed, size, tracks, _seed(random))
             sections.append(Section(steps=steps, stalls=stalls))
     return tuple(sections)
 
 
-def _short(plan: Plan, clocks: Clocks, tracks: int, streams: int, random: np.random.Generator) -> Section:
+def _short(
+    typed: TypedGraph | FloatGraph,
+    clocks: Clocks,
+    tracks: int,
+    streams: int,
+    random: np.random.Generator,
+) -> Section:
     """Some steps, of all tracks or of two, the same in all such sections, that may meet before and after."""
     if clocks.never_waits and random.random() < _IN_TURN:
         # At the full rate every register holds a step when the reset comes.
         left = int(random.integers(0, clocks.in_full_flow, endpoint=True))
         size = (left + _SHORT_STEPS) * streams
-        steps = random_steps(plan.typed, size, tracks, _seed(random), in_turn=True)
+        steps = random_steps(typed, size, tracks, _seed(random), in_turn=True)
         return Section(steps=steps, left=left)
     source, sink = random.choice((0.0, *_STALLS), 2) if random.random() < 0.5 else (0.0, 0.0)
     stalls = Stalls(seed=_seed(random), source=float(source), sink=float(sink))
     left = int(random.integers(0, clocks.on_the_way(steady=not source), endpoint=True))
     size = int(random.integers(left, 2 * _SHORT_STEPS - left, endpoint=True)) * streams or 1
-    steps = random_steps(plan.typed, size, tracks, _seed(random), few=bool(random.random() < 0.5))
+    steps = random_steps(typed, size, tracks, _seed(random), few=bool(random.random() < 0.5))
     return Section(steps=steps, stalls=stalls, left=left)
 
 
