@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from find_libpython import find_libpython
 
 from kalmanhdl.design import Architecture, Design, Streams, Target
 from kalmanhdl.model.initial import two_point
@@ -28,6 +29,8 @@ SCRIPTS = Path(sys.executable).parent
 
 def needs(*tools):
     missing = [tool for tool in tools if shutil.which(tool) is None and not (SCRIPTS / tool).exists()]
+    if "cocotb-config" in tools and find_libpython() is None:
+        missing.append("a Python with its library")
     return pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
 
 
