@@ -1,8 +1,9 @@
 """The commands asm, disasm and exec."""
 
+import re
 from pathlib import Path
 from shutil import which
-from subprocess import check_output
+from subprocess import run
 
 import pytest
 from typer.testing import CliRunner
@@ -133,16 +134,37 @@ def test_compile_makes_a_program_that_exec_runs(altitude):
     assert (made / "core.v").read_text().startswith("// controller: a programmable matrix processor")
 
 
-@pytest.mark.skipif(which("iverilog") is None, reason="Icarus is not installed")
-def test_the_test_bench_passes_under_icarus_and_finds_a_wrong_number(altitude):
+def made_and_run(target, altitude):
+    """What the test bench says of the expected numbers, and of one wrong among them."""
     out = altitude / "made"
     call("compile", altitude / "altitude.toml", "--data", altitude / "altitude.csv", "--out", out)
-    run = "iverilog -g2005 -o bench testbench.v core.v && vvp bench"
-    assert "24 outputs, 0 wrong" in check_output(run, shell=True, text=True, cwd=out)
+    right = run(["make", target], cwd=out, capture_output=True, text=True)
     lines = (out / "expected.hex").read_text().splitlines()
     lines[7] = "00000001"
-    (out / "expected.hex").write_text("\n".join(lines))
-    assert "24 outputs, 1 wrong" in check_output(run, shell=True, text=True, cwd=out)
+    (out / "expected.hex").write_text("\n".join([*lines, ""]))
+    return right, run(["make", target], cwd=out, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        pytest.param("icarus", marks=pytest.mark.skipif(which("iverilog") is None, reason="no Icarus")),
+        pytest.param(
+            "verilator",
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.skipif(which("verilator") is None, reason="no Verilator"),
+            ],
+        ),
+    ],
+)
+def test_the_test_bench_passes_and_finds_a_wrong_number(target, altitude):
+    right, wrong = made_and_run(target, altitude)
+    assert "24 outputs, 0 wrong" in right.stdout
+    assert right.returncode == 0
+    assert re.search(r"output 7 is [0-9a-f]{8} and should be 00000001", wrong.stdout)
+    assert "24 outputs, 1 wrong" in wrong.stdout
+    assert wrong.returncode != 0
 
 
 def test_what_cannot_be_compiled_is_refused(altitude):

@@ -50,12 +50,13 @@ module testbench;
       idle = 0;
       if (taken == `OUTPUTS) begin
         $display("%0d outputs, %0d wrong", taken, wrong);
+        if (wrong != 0) $fatal(1);
         $finish;
       end
     end else idle = idle + 1;
     if (idle > 1000000) begin
       $display("stuck after %0d outputs", taken);
-      $finish;
+      $fatal(1);
     end
   end
 endmodule

@@ -12,15 +12,17 @@ from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, t
 from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.program import image, listing
-from kalmanhdl.processor.verilog import core_verilog
+from kalmanhdl.processor.verilog import TOP, core_verilog
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.reference import reference
+from kalmanhdl.testbench.core_file import capi2, copied, lint, target
 
 
 def contents(filter_: Traced, core: Core, z: Array | None = None) -> Mapping[str, str]:
     """The files by name. z (steps, m), NaN where missed: what the test bench feeds.
 
-    With it, ``input.txt`` and ``expected.txt`` hold the same numbers as reals, a row a line, constants first.
+    With it, ``input.txt`` and ``expected.txt`` hold the same numbers as reals, a row a line, constants first;
+    a Makefile and a FuseSoC core run the test bench.
     Raises ProgramError where the filter does not fit the core, ToolError.
     """
     program = compiled(filter_, core)
@@ -43,8 +45,11 @@ def contents(filter_: Traced, core: Core, z: Array | None = None) -> Mapping[str
         "INPUTS": len(read),
         "OUTPUTS": len(outputs),
     }
-    body = files("kalmanhdl.processor").joinpath("testbench.v").read_text(encoding="utf-8")
+    shipped = files("kalmanhdl.processor")
+    body = shipped.joinpath("testbench.v").read_text(encoding="utf-8")
     found["testbench.v"] = "".join(f"`define {name} {size}\n" for name, size in sizes.items()) + body
+    found["Makefile"] = shipped.joinpath("testbench.mk").read_text(encoding="utf-8")
+    found["program.core"] = _description()
     found["input.hex"], found["expected.hex"] = _hexadecimal(read, core), _hexadecimal(outputs, core)
     constants = read[: len(read) - sum(map(len, rows))]
     found["input.txt"] = _reals([constants, *rows], core)
@@ -61,6 +66,27 @@ def off_reference(filter_: Traced, algorithm: Algorithm, core: Core, z: Array) -
     sent = np.array([engine.step(row) for row in rows_read(core, z)], float)
     found = sent[:, : model.n] * float(core.form.resolution)
     return float(np.abs(found - exact)[started(model, issued)[:, 0]].max(initial=0.0))
+
+
+def _description() -> str:
+    """The FuseSoC core of the folder: its target ``sim`` runs the test bench in Icarus."""
+    images = [f"{name}.hex" for name in ("program", "input", "expected")]
+    return capi2(
+        {
+            "name": "kalmanhdl:processor:program:0",
+            "description": "A matrix processor, its program and their test bench, made by kalmanhdl",
+            "filesets": {
+                "rtl": {"files": ["core.v"], "file_type": "verilogSource"},
+                "bench": {"files": ["testbench.v"], "file_type": "verilogSource"},
+                "images": copied(images),
+            },
+            "targets": {
+                "default": {"filesets": ["rtl"], "toplevel": TOP},
+                "lint": lint(TOP),
+                "sim": target("testbench", ["rtl", "bench", "images"], "sim", {"tool": "icarus"}),
+            },
+        }
+    )
 
 
 def _hexadecimal(numbers: Sequence[int], core: Core) -> str:
