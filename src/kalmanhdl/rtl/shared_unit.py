@@ -73,11 +73,14 @@ class SharedUnit(Component):
         """In floating point; a difference is a sum with a number of the other sign."""
         sums = [k for k in self.unit.operations if isinstance(self._operations[k], Add)]
         m.submodules.core = inner = float_core(self._plan, (sums or self.unit.operations)[0], self._registers)
-        if len(taken) == 2:
-            sign = self._subtracts(m) ^ bool(not sums and self.unit.kind in ("add", "subtract"))
-            b = taken[1]
-            m.d.comb += inner.b.eq(Cat(b[:-1], b[-1] ^ sign))
-        m.d.comb += [inner.a.eq(taken[0]), self.result.eq(inner.result)]
+        m.d.comb += self.result.eq(inner.result)
+        if len(taken) == 1:
+            # Of a reciprocal the only operand is the divisor.
+            m.d.comb += inner.b.eq(taken[0])
+            return
+        sign = self._subtracts(m) ^ bool(not sums and self.unit.kind in ("add", "subtract"))
+        b = taken[1]
+        m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(Cat(b[:-1], b[-1] ^ sign))]
 
     def _subtracts(self, m: Module) -> Value:
         """Whether the operation that was taken is a difference."""
