@@ -76,12 +76,15 @@ def _found(task: Task) -> Allocation | None:
 
 
 def _on_given(task: Task, units: Mapping[str, int]) -> Allocation | None:
-    attempt, interval = task.on(units), task.wanted.interval
+    attempt, interval, latency = task.on(units), task.wanted.interval, task.wanted.latency
     if not attempt.sharing.operations:
         return None
-    if interval is None:
-        return attempt.fastest()
-    found = attempt.at(interval)
+    found = attempt.fastest(latency) if interval is None else attempt.at(interval, latency)
+    if found is not None and latency is not None and found.latency > latency:
+        raise ScheduleError(
+            f"architecture.latency is {latency}: with these units {found.latency} clocks were found, and "
+            f"{found.least_latency} are needed at least: allow more clocks or more operators"
+        )
     if found is None:
         listed = ", ".join(f"{count} {kind}" for kind, count in sorted(attempt.sharing.counts.items()))
         raise ScheduleError(

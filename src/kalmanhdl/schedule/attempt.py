@@ -100,7 +100,7 @@ class Attempt:
 
     def at(self, interval: int, latency: int | None = None) -> Allocation | None:
         """A schedule at an interval, of a latency that is allowed, if one was found."""
-        found = self._listed(interval)
+        found = self._listed(interval, latency)
         if found is not None and (latency is None or found.latency <= latency):
             return found
         limit = latency or (found.latency if found else 2 * self._unhurried.latency)
@@ -115,17 +115,37 @@ class Attempt:
                 return replace(found, least_interval=interval if impossible else self.least_interval)
             impossible = impossible and self._impossible(interval)
         if latency is not None and listed.latency > latency:
-            listed = self._solved(listed.interval, latency) or listed
+            listed = self._solved(listed.interval, latency) or self._within(latency, listed)
         every = listed.interval - self.least_interval <= _MOST_INTERVALS
         return replace(listed, least_interval=listed.interval) if impossible and every else listed
 
-    def _listed(self, interval: int) -> Allocation | None:
+    def _listed(self, interval: int, latency: int | None = None) -> Allocation | None:
+        """The first list schedule that there is, or, of a latency that is asked for, the first within it."""
         if interval < self.least_interval:
             return None
-        longest = interval * self.channels
-        found = (in_turn(self.pace, self.sharing, interval, longest, order) for order in self.orders)
-        turns = next((turns for turns in found if turns), None)
-        return None if turns is None else self._allocation(interval, turns)
+        longest, first = interval * self.channels, None
+        for order in self.orders:
+            turns = in_turn(self.pace, self.sharing, interval, longest, order)
+            found = None if turns is None else self._allocation(interval, turns)
+            if found is not None and (latency is None or found.latency <= latency):
+                return found
+            first = first or found
+        return first
+
+    def _within(self, latency: int, listed: Allocation) -> Allocation:
+        """The list schedule of the least interval whose latency is allowed; the one at hand if none is.
+
+        In an interval as long as the latency no step waits for the one before.
+        """
+        low, high, best = listed.interval + 1, max(listed.interval, latency), listed
+        while low <= high:
+            middle = (low + high) // 2
+            found = self._listed(middle, latency)
+            if found is not None and found.latency <= latency:
+                high, best = middle - 1, found
+            else:
+                low = middle + 1
+        return best
 
     def _solved(self, interval: int, latency: int) -> Allocation | None:
         if interval < self.least_interval or not self.solvable:
