@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 MAX_INTERVAL = 65536
 MAX_CHANNELS = 65536
 MAX_BLOCKS = 65536
+MAX_CLOCKS = 999
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
 MAX_LANES = 256
@@ -60,7 +61,8 @@ class Architecture:
 
     ``units`` limits the operators of a kind, such as {"multiply": 4, "reciprocal": 1}; operations of a kind
     that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
-    most clocks from a step to its result, is met with as few operators as were found to suffice.
+    most clocks from a step to its result, is met with as few operators as were found to suffice. ``clocks``
+    are what operators of a kind in floating point take at least; the aim for the clock may ask for more.
     ``solver_seconds`` of its own may a solver spend on better schedules than a list gives; 0: the list alone.
 
     ``lanes`` such filters stand side by side, each with ``channels`` tracks, ``units`` and
@@ -79,6 +81,7 @@ class Architecture:
     latency: int | None = None
     updates_per_second: float | None = None
     solver_seconds: float = SOLVER_SECONDS
+    clocks: Mapping[str, int] | None = None
     lanes: int = 1
     streams: Streams = Streams.ONE
     coefficients: Coefficients = Coefficients.FIXED
@@ -107,7 +110,9 @@ class Architecture:
         if self.latency is not None:
             _check_integer("architecture", "latency", self.latency, 1, MAX_INTERVAL)
         if self.units is not None:
-            _check_units(self.units)
+            _check_counts("units", self.units, MAX_BLOCKS)
+        if self.clocks is not None:
+            _check_counts("clocks", self.clocks, MAX_CLOCKS)
         if self.updates_per_second is not None:
             _check_rate(self.updates_per_second, self.interval)
         _check_number("solver_seconds", self.solver_seconds, MAX_SOLVER_SECONDS)
@@ -278,15 +283,15 @@ def _check_integer(table: str, key: str, value: object, low: int, high: int) -> 
         raise InvalidValueError(table, key, f" = {shown(value)}: an integer from {low} to {high}")
 
 
-def _check_units(units: object) -> None:
-    if not isinstance(units, Mapping):
-        problem = f" = {shown(units)}: write a count for each kind, such as {{ multiply = 4 }}"
-        raise InvalidValueError("architecture", "units", problem)
-    for kind, count in units.items():
+def _check_counts(key: str, counts: object, most: int) -> None:
+    if not isinstance(counts, Mapping):
+        problem = f" = {shown(counts)}: write a count for each kind, such as {{ multiply = 4 }}"
+        raise InvalidValueError("architecture", key, problem)
+    for kind, count in counts.items():
         if kind not in KINDS:
             problem = f" is unknown: {nearest(str(kind), KINDS)}"
-            raise InvalidValueError("architecture.units", str(kind), problem)
-        _check_integer("architecture.units", kind, count, 1, MAX_BLOCKS)
+            raise InvalidValueError(f"architecture.{key}", str(kind), problem)
+        _check_integer(f"architecture.{key}", kind, count, 1, most)
 
 
 def _word(key: str, word: str, words: tuple[str, ...]) -> str:

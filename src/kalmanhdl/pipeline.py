@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design import Architecture, Coefficients, Design
 from kalmanhdl.errors import ScheduleError
-from kalmanhdl.graph.operations import Binary, Function, Unary
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
 from kalmanhdl.numerics.typed import TypedGraph
@@ -61,8 +60,7 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
     """Model, algorithm, graph, numerics, schedule, RTL.
 
     Raises:
-        DesignError: floating point is asked of a function for which there is no such hardware.
-        FormatError, ScheduleError, ToolError: see the stages.
+        DesignError, FormatError, ScheduleError, ToolError: see the stages.
     """
     seconds: dict[str, float] = {}
     with timed(seconds, "trace", progress, "tracing the algorithm and choosing formats"):
@@ -84,13 +82,14 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
 def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
     """The schedule of a design, checked by code that does not share a line with the scheduler.
 
-    Raises DesignError for functions that floating-point hardware has not, ScheduleError.
+    Raises DesignError for what floating-point hardware has not, ScheduleError.
     """
     graph, asked = typed.typed, design.architecture
     if isinstance(graph, FloatGraph):
-        _refuse_functions(graph)
         _refuse_fixed_only(asked)
+        graph = replace(graph, clocks=tuple((asked.clocks or {}).items()))
     else:
+        _refuse_float_only(asked)
         graph = replace(graph, logic_product=asked.multiplier)
     part = device(design.target.device, design.target.grade)
     plan = schedule(graph, part, wanted(asked, part))
@@ -127,14 +126,10 @@ def _refuse_fixed_only(wanted: Architecture) -> None:
         raise InvalidValueError("architecture", "multiplier", problem)
 
 
-def _refuse_functions(typed: FloatGraph) -> None:
-    for operation in typed.graph.operations:
-        if isinstance(operation, Unary | Binary) and operation.function is not Function.SQUARE_ROOT:
-            problem = (
-                f' = "float": there is no floating-point hardware of the function '
-                f'{operation.function.value}: simulate the design, or build it in "fixed"'
-            )
-            raise InvalidValueError("numerics", "kind", problem)
+def _refuse_float_only(wanted: Architecture) -> None:
+    if wanted.clocks is not None:
+        problem = ' are for [numerics] kind = "float": in fixed point write clock_mhz'
+        raise InvalidValueError("architecture", "clocks", problem)
 
 
 def verilog_of(design: Design, plan: Plan) -> str:

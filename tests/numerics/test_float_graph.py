@@ -98,10 +98,14 @@ def test_a_constant_out_of_reach_is_refused(value, message):
         floated(graph, FloatSpecification(exponent=5, mantissa=10), {})
 
 
-def test_functions_wider_than_double_are_refused():
+def test_functions_become_operations_of_the_format():
     graph = Graph((Input("z[0]"), Unary(Function.SINE, 0)), ("z[0]", "predict: x[0]"), (), (("x[0]", 1),))
-    with pytest.raises(FormatError, match=r"predict: x\[0\]: sine in float\(15, 112\)"):
-        floated(graph, FloatSpecification(exponent=15, mantissa=112), {})
+    typed = floated(graph, FloatSpecification(exponent=15, mantissa=112), {})
+    functions = {o.function for o in typed.graph.operations if isinstance(o, Unary)}
+    assert functions == {Function.WRAP}
+    assert typed.graph.origins[dict(typed.graph.outputs)["x[0]"]] == "predict: x[0]"
+    # A finite argument has a finite sine: nothing inside of it is watched.
+    assert {v.value for v in typed.violations} == {0, dict(typed.graph.outputs)["x[0]"]}
 
 
 def test_a_product_of_one_sum_alone_is_fused():

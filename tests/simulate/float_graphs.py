@@ -49,10 +49,7 @@ def every_operation(form: Float, *, fused: bool = False) -> FloatGraph:
         "negative": Negative(0),
     }
     named |= {f"shift {by}": Shift(0, by) for by in SHIFTS}
-    if form.exponent <= 11 and form.mantissa <= 52:
-        unary = (Function.SINE, Function.COSINE, Function.EXPONENTIAL, Function.WRAP)
-        named |= {each.value: Unary(each, 0) for each in unary}
-        named |= {each.value: Binary(each, 0, 1) for each in (Function.ARCTANGENT, Function.HYPOTENUSE)}
+    named["wrap"] = Unary(Function.WRAP, 0)
     rows = [form.real(form.nearest(k)) for k in (1, 0.5, -1, 0)]
     named["table"] = Table(0, tuple(rows))
     outputs = []
@@ -71,6 +68,17 @@ def every_operation(form: Float, *, fused: bool = False) -> FloatGraph:
         outputs.append((name, len(operations) - 1))
     graph = Graph(tuple(operations), ("test: x",) * len(operations), (), tuple(outputs))
     return floated(graph, specification(form, fused=fused), {})
+
+
+def every_function(form: Float) -> FloatGraph:
+    """A graph of two inputs whose outputs are the functions that are made of other operations, by name."""
+    unary = (Function.SINE, Function.COSINE, Function.EXPONENTIAL)
+    named = {each.value: Unary(each, 0) for each in unary}
+    named |= {each.value: Binary(each, 0, 1) for each in (Function.ARCTANGENT, Function.HYPOTENUSE)}
+    operations = (Input("a"), Input("b"), *named.values())
+    outputs = tuple((name, 2 + k) for k, name in enumerate(named))
+    graph = Graph(operations, ("test: x",) * len(operations), (), outputs)
+    return floated(graph, specification(form), {})
 
 
 def corners(form: Float) -> list[int]:

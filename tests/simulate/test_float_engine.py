@@ -10,7 +10,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from float_graphs import corners, every_operation, raws
+from float_graphs import corners, every_function, every_operation, raws
 
 from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.arithmetic.floating import Float
@@ -68,6 +68,14 @@ def test_every_operation_is_as_defined(compiled, form, fused):
     inputs, flags = data(form, np.random.default_rng(1), (25, 20))
     interpreted = replace(engine, library=None)
     assert_same(engine.run(inputs, flags), interpreted.run(inputs, flags))
+
+
+def test_functions_are_as_defined():
+    """Those that are made of other operations, in formats of each kind that the C has."""
+    forms = (SINGLE, replace(HALF, subnormals=False), replace(DOUBLE, rounding=ZERO), Float(3, 4))
+    for form, engine in zip(forms, engines([every_function(form) for form in forms]), strict=True):
+        inputs = {name: raws(form, np.random.default_rng(8), (4, 20)) for name in "ab"}
+        assert_same(engine.run(inputs, {}), replace(engine, library=None).run(inputs, {}))
 
 
 def test_all_pairs_of_corners_are_as_defined(compiled):

@@ -8,7 +8,7 @@ import pytest
 
 from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.design import Architecture, Design, Target
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, ScheduleError
 from kalmanhdl.model.initial import two_point
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.floating import FloatSpecification
@@ -65,6 +65,14 @@ def test_operations_that_take_turns_are_equal(channels):
     assert all(run.mismatches == 0 for run in verify(hardware, 600))
 
 
+def test_reciprocals_take_turns():
+    numerics = FloatSpecification(exponent=8, mantissa=4)
+    units = Architecture(units={"add": 1, "multiply": 1, "reciprocal": 1})
+    hardware = compile_design(replace(LEE, numerics=numerics, architecture=units))
+    assert "reciprocal" in hardware.plan.sharing.counts
+    assert all(run.mismatches == 0 for run in verify(hardware, 300))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_random_filters_are_equal(seed):
@@ -87,8 +95,47 @@ def test_a_plan_in_floating_point_is_read_back():
     assert parse_plan(print_plan(plan)) == plan
 
 
-def test_a_function_without_hardware_is_refused():
-    design = Design.load("designs/ekf_radar.toml")
-    numerics = FloatSpecification(exponent=8, mantissa=23)
-    with pytest.raises(DesignError, match="there is no floating-point hardware of the function cosine"):
-        planned(replace(design, numerics=numerics), numbers_of(replace(design, numerics=numerics)))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["dcmkf_radar", "ekf_radar"])
+def test_functions_take_turns_on_the_operators_that_there_are(name):
+    numerics = FloatSpecification(exponent=8, mantissa=7)
+    units = {"add": 2, "multiply": 2, "divide": 1}
+    design = replace(Design.load(f"designs/{name}.toml"), numerics=numerics)
+    hardware = compile_design(replace(design, architecture=Architecture(units=units)))
+    assert all(run.mismatches == 0 for run in verify(hardware, 1000))
+
+
+def test_operators_take_as_many_clocks_as_asked():
+    clocks = {"add": 7, "multiply": 5}
+    design = one_axis(FloatSpecification(exponent=5, mantissa=4), units={"add": 1}, clocks=clocks)
+    hardware = compile_design(design)
+    plan, operations = hardware.plan, hardware.plan.typed.graph.operations
+    held = {type(o).__name__: plan.registers[k] for k, o in enumerate(operations)}
+    assert (held["Add"], held["Subtract"], held["Multiply"]) == (6, 6, 4)
+    assert parse_plan(print_plan(plan)) == plan
+    assert all(run.mismatches == 0 for run in verify(hardware, 200))
+
+
+def test_clocks_that_cannot_be_are_refused():
+    numerics = FloatSpecification(exponent=5, mantissa=4)
+    design = one_axis(numerics, clocks={"add": 60})
+    with pytest.raises(ScheduleError, match=r"architecture.clocks.add is 60: in float\(5, 4\) it takes \d+"):
+        planned(design, numbers_of(design))
+    design = one_axis(numerics, interval=1, clocks={"add": 7})
+    with pytest.raises(ScheduleError, match=r"with architecture\.clocks the loop of the states takes"):
+        planned(design, numbers_of(design))
+    fixed = replace(LEE, architecture=Architecture(clocks={"add": 7}))
+    with pytest.raises(DesignError, match="clocks are for"):
+        planned(fixed, numbers_of(fixed))
+
+
+def test_a_latency_is_met_on_the_units_that_are_given():
+    units = {"add": 1, "multiply": 1}
+    numerics = FloatSpecification(exponent=5, mantissa=4)
+    free = one_axis(numerics, units=units, solver_seconds=0)
+    latency = planned(free, numbers_of(free)).latency
+    held = one_axis(numerics, units=units, latency=latency, solver_seconds=0)
+    assert planned(held, numbers_of(held)).latency <= latency
+    short = one_axis(numerics, units=units, latency=9, solver_seconds=0)
+    with pytest.raises(ScheduleError, match=r"architecture\.latency is 9: with these units"):
+        planned(short, numbers_of(short))

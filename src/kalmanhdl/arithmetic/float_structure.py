@@ -6,6 +6,7 @@ know no device, tell where registers stand between them.
 
 from dataclasses import dataclass
 
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.arithmetic.product_structure import block_addends, logic_addends, tree_levels
 
@@ -173,6 +174,58 @@ def scaling(form: Float, exponent: int) -> tuple[Piece, ...]:
     before = normalisation(form.mantissa + 1) if form.subnormals and exponent > 0 else ()
     after = denormalisation(form, width) if exponent < 0 else ()
     return (*before, one(("add", width), ("add", width)), *after, *rounding(form, width))
+
+
+def wrapping(form: Float) -> tuple[Piece, ...]:
+    """The bits above the binary point shifted out, what is left taken from one, its place, rounding."""
+    significand, width = form.mantissa + 1, exponent_width(form, form.mantissa + 1)
+    return (
+        one(("add", form.exponent), ("compare", form.exponent)),
+        *(one(("select", significand)),) * levels(significand),
+        one(("add", significand), ("select", significand)),
+        *normalisation(significand),
+        one(("add", width)),
+        *rounding(form, width),
+    )
+
+
+def comparison(form: Float) -> tuple[Piece, ...]:
+    """The magnitudes compared, then the signs."""
+    return (one(("add", form.width - 1)), one(("select", 1)))
+
+
+def converted_width(form: Float, fixed: Fixed) -> int:
+    """Bits of a number in a fixed-point format, one above for its least number, two below for rounding."""
+    return max(fixed.width - fixed.signed + 3, form.mantissa + 2)
+
+
+def conversion_to_fixed(form: Float, fixed: Fixed) -> tuple[Piece, ...]:
+    """The shift to the place of the format, rounding, limits and sign."""
+    width = converted_width(form, fixed)
+    return (
+        one(("add", form.exponent + 2)),
+        *(one(("select", width)),) * levels(width),
+        one(("add", fixed.width)),
+        one(("compare", fixed.width), ("select", fixed.width), ("add", fixed.width)),
+    )
+
+
+def converted_exponent_width(form: Float, fixed: Fixed) -> int:
+    """Bits of the exponent of a number that comes from a fixed-point format, signed."""
+    reach = fixed.width + max(fixed.width, form.mantissa + 3) + abs(fixed.fraction) + form.bias
+    return max(form.exponent, reach.bit_length()) + 2
+
+
+def conversion_from_fixed(form: Float, fixed: Fixed) -> tuple[Piece, ...]:
+    """Magnitude, normalisation, its place, rounding."""
+    width = converted_exponent_width(form, fixed)
+    return (
+        one(("add", fixed.width)),
+        *normalisation(max(fixed.width, form.mantissa + 3)),
+        one(("add", width)),
+        *denormalisation(form, width),
+        *rounding(form, width),
+    )
 
 
 def fused_width(form: Float) -> int:

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from kalmanhdl.arithmetic.fixed import Rounding
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.errors import FormatError
 
 MODES = (Rounding.HALF_EVEN, Rounding.TOWARD_ZERO)
@@ -239,6 +239,44 @@ def scale(form: Float, a: int, exponent: int) -> int:
     if form.is_nan(a) or form.is_infinite(a):
         return form.canonical(a)
     return encoded(form, bool(a & form.sign), abs(form.real(a)) * Fraction(2) ** exponent)
+
+
+def wrap(form: Float, a: int) -> int:
+    """a less the nearest whole number, exact: from -1/2 to below 1/2, zero without sign; of infinity NaN."""
+    if form.magnitude(a) >= form.infinity:
+        return form.nan
+    value = form.real(a)
+    rest = value - math.floor(value + Fraction(1, 2))
+    return encoded(form, rest < 0, abs(rest))
+
+
+LESS, EQUAL, GREATER, UNORDERED = range(4)
+
+
+def compare(form: Float, a: int, b: int) -> int:
+    """How a stands to b; to NaN nothing is ordered, and zeros are equal."""
+    if form.is_nan(a) or form.is_nan(b):
+        return UNORDERED
+    x, y = (-form.magnitude(raw) if raw & form.sign else form.magnitude(raw) for raw in (a, b))
+    return LESS if x < y else EQUAL if x == y else GREATER
+
+
+def to_fixed(form: Float, a: int, fixed: Fixed) -> int:
+    """The raw integer of a in a fixed-point format, rounded as ``form`` rounds, beyond its limits the limit.
+
+    Of NaN it is zero.
+    """
+    if form.is_nan(a):
+        return 0
+    if form.is_infinite(a):
+        return fixed.lowest if a & form.sign else fixed.highest
+    whole = _whole(form, abs(form.real(a)), -fixed.fraction)
+    return min(max(-whole if a & form.sign else whole, fixed.lowest), fixed.highest)
+
+
+def from_fixed(form: Float, raw: int, fixed: Fixed) -> int:
+    """The number of a raw integer in a fixed-point format."""
+    return encoded(form, raw < 0, abs(fixed.real(raw)))
 
 
 def is_negative(form: Float, a: int) -> bool:

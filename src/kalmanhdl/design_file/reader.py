@@ -142,6 +142,7 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             multiplier=architecture.multiplier,
             units=architecture.units,
             latency=architecture.latency,
+            clocks=architecture.clocks,
             updates_per_second=architecture.updates_per_second,
             solver_seconds=architecture.solver_seconds,
             lanes=architecture.lanes,

@@ -287,6 +287,7 @@ class ArchitectureTable(Table):
     multiplier: LogicProduct = LogicProduct.BOOTH
     units: dict[str, Integer] | None = None
     latency: Integer | None = None
+    clocks: dict[str, Integer] | None = None
     updates_per_second: Number | None = None
     solver_seconds: Number = SOLVER_SECONDS
     lanes: Integer = 1

@@ -259,8 +259,9 @@ def _architecture(architecture: Architecture) -> Lines:
     if architecture.multiplier is not Architecture().multiplier:
         lines.append(f"multiplier = {_text(architecture.multiplier.value)}")
     if architecture.units is not None:
-        counts = ", ".join(f"{kind} = {count}" for kind, count in architecture.units.items())
-        lines.append(f"units = {{ {counts} }}" if counts else "units = {}")
+        lines.append(f"units = {_counts(architecture.units)}")
+    if architecture.clocks is not None:
+        lines.append(f"clocks = {_counts(architecture.clocks)}")
     if architecture.latency is not None:
         lines.append(f"latency = {architecture.latency}")
     if architecture.updates_per_second is not None:
@@ -272,6 +273,11 @@ def _architecture(architecture: Architecture) -> Lines:
     if architecture.coefficients != Architecture().coefficients:
         lines.append(f"coefficients = {_text(architecture.coefficients)}")
     return lines
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    listed = ", ".join(f"{kind} = {count}" for kind, count in counts.items())
+    return f"{{ {listed} }}" if listed else "{}"
 
 
 def _target(target: Target) -> Lines:

@@ -275,7 +275,7 @@ class Builder:
             case Not():
                 return self.opposite(*ins)
             case _:
-                return self.intern(_with_operands(operation, ins))
+                return self.intern(with_operands(operation, ins))
 
     def graph(self, states: Iterable[tuple[str, int]], outputs: Iterable[tuple[str, int]]) -> Graph:
         """The graph of what states and outputs need, in topological order; the rest is dropped."""
@@ -284,7 +284,7 @@ class Builder:
         place = {old: new for new, old in enumerate(kept)}
         return Graph(
             operations=tuple(
-                _with_operands(self.operations[k], tuple(place[i] for i in operands(self.operations[k])))
+                with_operands(self.operations[k], tuple(place[i] for i in operands(self.operations[k])))
                 for k in kept
             ),
             origins=tuple(self.origins[k] for k in kept),
@@ -305,7 +305,8 @@ def reachable(operations: list[Operation] | tuple[Operation, ...], roots: Iterab
     return seen
 
 
-def _with_operands(operation: Operation, ins: tuple[int, ...]) -> Operation:
+def with_operands(operation: Operation, ins: tuple[int, ...]) -> Operation:
+    """The operation on other operands, in the order of its fields."""
     names = [name for name in ("flag", "a", "b") if hasattr(operation, name)]
     moved: dict[str, Any] = dict(zip(names, ins, strict=True))
     return replace(operation, **moved) if moved else operation

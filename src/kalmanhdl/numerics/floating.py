@@ -18,7 +18,6 @@ from kalmanhdl.graph.operations import (
     Binary,
     Constant,
     Divide,
-    Function,
     Graph,
     Multiply,
     Negative,
@@ -32,6 +31,7 @@ from kalmanhdl.graph.operations import (
     operands,
 )
 from kalmanhdl.model.model import Model
+from kalmanhdl.numerics.float_functions import without_functions
 from kalmanhdl.numerics.ranges import cone
 from kalmanhdl.numerics.saturated import NAME, sticky
 from kalmanhdl.numerics.scaling import Scaling
@@ -110,13 +110,14 @@ class FloatGraph:
     """A graph whose numbers are all of one floating-point format.
 
     Every operation is its exact result rounded once (see ``arithmetic.floating``); ``Shift`` multiplies by
-    a power of two, a ``Reciprocal`` is 1 / a. Of the functions, the square root is rounded once, others are
-    the values of ``arithmetic.real_functions``, rounded to the format. Constants are numbers of the format.
+    a power of two, a ``Reciprocal`` is 1 / a. The only functions are the square root and ``wrap``; others
+    have become operations (``numerics.float_functions``). Constants are numbers of the format.
     Multiplications listed in ``fused`` are not rounded: their one user is a fused multiply-add
     (``fused_sum``).
 
     ``violations`` are the values that must stay finite. ``scales`` gives the real value of one unit of
-    each input, state and output.
+    each input, state and output. Operators of the kinds in ``clocks`` take so many clocks at least, from
+    taking operands until another can take the result, which changes no result.
     """
 
     graph: Graph
@@ -124,6 +125,7 @@ class FloatGraph:
     fused: frozenset[int]
     violations: tuple[Unbounded, ...]
     scales: dict[str, float]
+    clocks: tuple[tuple[str, int], ...] = ()
 
     def fused_sum(self, index: int) -> "FusedSum | None":
         """What a sum that takes a fused product is made of; None for any other operation."""
@@ -156,8 +158,7 @@ def float_numbers(model: Model, algorithm: Algorithm, specification: FloatSpecif
     """The floating-point numbers of one step of an algorithm on a model.
 
     Raises:
-        FormatError: a constant of the model is too large or too small for the format, or a function is
-            asked of a format that is more exact than double precision.
+        FormatError: a constant of the model is too large or too small for the format.
     """
     scaling = Scaling(
         state=np.ones(model.n),
@@ -178,7 +179,10 @@ def floated(graph: Graph, specification: FloatSpecification, scales: dict[str, f
         _rounded(form, operation, _place(graph, index)) for index, operation in enumerate(graph.operations)
     )
     graph = Graph(rounded, graph.origins, graph.states, graph.outputs)
-    violations = _violations(graph)
+    found = _violations(graph)
+    # What a function makes of a finite number is finite inside it.
+    graph, moved = without_functions(graph, form)
+    violations = tuple(sorted((replace(v, value=moved[v.value]) for v in found), key=lambda v: v.value))
     return FloatGraph(
         graph=_watched(graph, violations),
         form=form,
@@ -211,13 +215,8 @@ def _rounded(form: Float, operation: Operation, place: str) -> Operation:
             return Constant(_constant(form, value, place))
         case Table(rows=rows):
             return replace(operation, rows=tuple(_constant(form, row, place) for row in rows))
-        case Unary(function=function) | Binary(function=function):
-            if function is not Function.SQUARE_ROOT and (form.exponent > 11 or form.mantissa > 52):
-                raise FormatError(
-                    f"{place}: {function.value} in {form}: functions have double precision at most, "
-                    "exponent = 11 and mantissa = 52"
-                )
-    return operation
+        case _:
+            return operation
 
 
 def _constant(form: Float, value: Fraction, place: str) -> Fraction:

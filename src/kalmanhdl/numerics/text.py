@@ -10,6 +10,7 @@ from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.arithmetic.floating import MODES, Float
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.errors import DesignError
+from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.graph.operations import is_flag
 from kalmanhdl.graph.text import (
     GraphText,
@@ -44,6 +45,7 @@ def _print_float_graph(typed: FloatGraph) -> str:
     kept = "subnormals" if form.subnormals else "no_subnormals"
     lines = ["floating", f"{form} {form.rounding.value} {kept}", "fused"]
     lines += [f"%{index}" for index in sorted(typed.fused)]
+    lines += ["clocks", *(f"{kind} {count}" for kind, count in typed.clocks)]
     lines += ["violations", *map(_print_unbounded, typed.violations)]
     lines += ["scales", *(f"{print_name(name)} = {scale!r}" for name, scale in typed.scales.items())]
     return print_graph(typed.graph) + "\n".join(lines) + "\n"
@@ -75,11 +77,11 @@ def parse_typed_graph(text: str) -> TypedGraph | FloatGraph:
 
 
 def _parse_float_graph(found: GraphText) -> FloatGraph:
-    missing = {"fused", "violations", "scales"} - found.sections.keys()
+    missing = {"fused", "clocks", "violations", "scales"} - found.sections.keys()
     if missing:
         raise DesignError(
-            f"the text has no section {min(missing)!r}: a graph in floating point has fused, violations "
-            "and scales"
+            f"the text has no section {min(missing)!r}: a graph in floating point has fused, clocks, "
+            "violations and scales"
         )
     return FloatGraph(
         graph=found.graph,
@@ -87,7 +89,15 @@ def _parse_float_graph(found: GraphText) -> FloatGraph:
         fused=frozenset(_parse_index(*line) for line in found.sections["fused"].lines),
         violations=tuple(_parse_unbounded(*line) for line in found.sections["violations"].lines),
         scales=dict(_parse_scale(*line) for line in found.sections["scales"].lines),
+        clocks=tuple(_parse_clocks(*line) for line in found.sections["clocks"].lines),
     )
+
+
+def _parse_clocks(number: int, line: str) -> tuple[str, int]:
+    kind, _, count = line.partition(" ")
+    if kind not in KINDS or not re.fullmatch(r"\d+", count):
+        raise misread(number, line, "a kind of operator and its clocks, 'add 7'")
+    return kind, int(count)
 
 
 def _parse_float(number: int, line: str) -> Float:

@@ -5,6 +5,7 @@ from amaranth.lib.wiring import Component
 from kalmanhdl.graph.operations import (
     Add,
     Divide,
+    Function,
     Multiply,
     Reciprocal,
     Shift,
@@ -20,6 +21,7 @@ from kalmanhdl.rtl.floating.multiplier import FloatMultiplier
 from kalmanhdl.rtl.floating.scaler import FloatScaler
 from kalmanhdl.rtl.floating.square_root import FloatSquareRoot
 from kalmanhdl.rtl.floating.table import FloatTable
+from kalmanhdl.rtl.floating.wrapper import FloatWrapper
 from kalmanhdl.schedule.plan import Plan
 
 
@@ -45,8 +47,9 @@ def core(plan: Plan, index: int, registers: int) -> Component:
             return FloatDivider(form, registers, reciprocal=True)
         case Shift(exponent=exponent):
             return FloatScaler(form, exponent, registers)
-        case Unary():
-            return FloatSquareRoot(form, registers)
+        case Unary(function=function):
+            kind = FloatWrapper if function is Function.WRAP else FloatSquareRoot
+            return kind(form, registers)
         case Table(rows=rows):
             return FloatTable(form, tuple(map(form.nearest, rows)), registers)
         case operation:

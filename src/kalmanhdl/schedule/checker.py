@@ -240,7 +240,7 @@ def _depths(library: tuple[Operator, ...], tails: Sequence[int], limit: int) -> 
         return max(*parts, parts[-1] + tails[index]) <= limit
 
     return [
-        next(k for k in count(int(operator.shared)) if k >= operator.capacity or fits(index, k))
+        next(k for k in count(operator.fewest) if k >= operator.capacity or fits(index, k))
         for index, operator in enumerate(library)
     ]
 

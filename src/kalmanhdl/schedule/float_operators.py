@@ -1,5 +1,6 @@
 """The hardware of the operations of a floating-point graph."""
 
+from dataclasses import replace
 from typing import assert_never
 
 from kalmanhdl.arithmetic.float_structure import (
@@ -13,8 +14,12 @@ from kalmanhdl.arithmetic.float_structure import (
     row_number,
     scaling,
     weights,
+    wrapping,
 )
 from kalmanhdl.arithmetic.product_structure import limb_widths
+from kalmanhdl.errors import ScheduleError
+from kalmanhdl.graph.kinds import kind_of as kind_of_unit
+from kalmanhdl.graph.kinds import limit
 from kalmanhdl.graph.operations import (
     Add,
     And,
@@ -23,6 +28,7 @@ from kalmanhdl.graph.operations import (
     Constant,
     Divide,
     Flag,
+    Function,
     Input,
     Multiply,
     Negative,
@@ -41,6 +47,7 @@ from kalmanhdl.graph.operations import (
     Unary,
 )
 from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
 from kalmanhdl.target.device import Device
 
@@ -64,6 +71,22 @@ def float_operator(typed: FloatGraph, index: int, device: Device, on_block: bool
     )
 
 
+def asked(typed: FloatGraph | TypedGraph, index: int, made: Operator) -> Operator:
+    """The operator with the clocks that the design asks for. Raises ScheduleError for more than it holds."""
+    if isinstance(typed, TypedGraph) or index in typed.fused:
+        return made
+    clocks = dict(typed.clocks)
+    kind = kind_of_unit(typed.graph.operations[index], clocks)
+    least = 0 if kind is None else limit(kind, clocks) or 0
+    if least - 1 > made.capacity:
+        raise ScheduleError(
+            f"architecture.clocks.{kind} is {least}: in {typed.form} it takes {made.capacity + 1} clocks "
+            "at most"
+        )
+    # The next operation takes the result in the clock after the last register.
+    return replace(made, asked=max(least - 1, 0))
+
+
 def _pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
     form, operation = typed.form, typed.graph.operations[index]
     match operation:
@@ -79,8 +102,8 @@ def _pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
             return scaling(form, exponent)
         case Divide() | Reciprocal():
             return division(form)
-        case Unary():
-            return rooting(form)
+        case Unary(function=function):
+            return wrapping(form) if function is Function.WRAP else rooting(form)
         case Table(rows=rows):
             return row_number(form, len(rows))
         case Select():

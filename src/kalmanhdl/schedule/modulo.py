@@ -40,6 +40,11 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
     bound = recurrence(deep).bound
     if interval is None:
         interval = -(-bound // channels)
+    if bound > interval * channels and isinstance(typed, FloatGraph) and typed.clocks:
+        raise ScheduleError(
+            f"architecture.interval is {interval}: with architecture.clocks the loop of the states takes "
+            f"{bound} clocks: allow a longer interval, or leave the clocks to the tool"
+        )
     chosen = deep if bound <= interval * channels else _shallower(step, deep, interval * channels)
     distance = bound if chosen is deep else recurrence(chosen).bound
     chosen = tight(chosen, _earliest(chosen, distance)[1])

@@ -18,7 +18,7 @@ class Operator:
     hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
 
     A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
-    registers before the first piece.
+    registers before the first piece. It holds ``asked`` registers at least.
     """
 
     kind: str
@@ -27,6 +27,7 @@ class Operator:
     blocks: int = 0
     shared: bool = False
     fetch: int = 0
+    asked: int = 0
 
     @property
     def delay(self) -> int:
@@ -37,6 +38,11 @@ class Operator:
     def capacity(self) -> int:
         """The number of registers that it can hold."""
         return len(self.pieces) - 1 + self.shared
+
+    @property
+    def fewest(self) -> int:
+        """The number of registers that it holds at least."""
+        return max(self.asked, int(self.shared))
 
     def stages(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages when it holds so many registers, one at least where it is shared."""
@@ -53,7 +59,7 @@ class Operator:
         """The least budget that it fits into with any number of registers."""
         least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
         # From the most registers on, which as a rule reach at once what no number of them can fall below.
-        for registers in range(self.capacity, self.shared - 1, -1):
+        for registers in range(self.capacity, self.fewest - 1, -1):
             delays = self.stages(registers)
             least = min(least, max(*delays, delays[-1] + tail))
             if least == floor:

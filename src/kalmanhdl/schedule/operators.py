@@ -54,7 +54,7 @@ from kalmanhdl.graph.operations import (
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.signed_digits import FEW_DIGITS
 from kalmanhdl.numerics.typed import Interval, TypedGraph
-from kalmanhdl.schedule.float_operators import float_operator, is_float_multiplier
+from kalmanhdl.schedule.float_operators import asked, float_operator, is_float_multiplier
 from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
 from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing, core
 from kalmanhdl.target.device import Device
@@ -95,7 +95,8 @@ def shared_operator(
         inner = float_operator(typed, who[0], device, bool(on_block & frozenset(who)))
     else:
         inner = _integer_operator(typed, kind, who, device, on_block)
-    return replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+    made = replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+    return asked(typed, who[0], made)
 
 
 def _integer_operator(
@@ -124,7 +125,7 @@ def _fetch(device: Device, width: int, turns: int) -> int:
 def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_block: bool) -> Operator:
     """The operator of one operation, on multiplier blocks or built from logic."""
     if isinstance(typed, FloatGraph):
-        return float_operator(typed, index, device, on_block)
+        return asked(typed, index, float_operator(typed, index, device, on_block))
     operation = typed.graph.operations[index]
     match operation:
         case Input() | Flag() | State() | StateFlag() | Constant():

@@ -117,7 +117,7 @@ def pace(step: Step, period: int) -> Pace:
     """The step at a period of at least ``step.shortest_period`` picoseconds."""
     budget = period - step.register
     held = tuple(
-        next(k for k in range(operator.shared, operator.capacity + 1) if operator.fits(k, budget, tail))
+        next(k for k in range(operator.fewest, operator.capacity + 1) if operator.fits(k, budget, tail))
         for operator, tail in zip(step.operators, step.tails, strict=True)
     )
     lasts = tuple(operator.stages(k)[-1] for operator, k in zip(step.operators, held, strict=True))

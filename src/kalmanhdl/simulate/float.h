@@ -190,6 +190,28 @@ CALL uint64_t soft_scale(format f, uint64_t a, int exponent)
     return encoded(f, a & sign_bit(f), x, i + exponent, 0);
 }
 
+CALL uint64_t soft_wrap(format f, uint64_t a)
+{
+    if (magnitude(f, a) >= infinity(f))
+        return the_nan(f);
+    int i;
+    uint64_t units = significand(f, a, &i), sign = a & sign_bit(f);
+    if (i >= 0 || !units)
+        return 0;
+    if (i <= -62)  /* Far below a half. */
+        return a;
+    uint64_t one = (uint64_t)1 << -i, rest = units & (one - 1);
+    if (2 * rest > one || (2 * rest == one && !sign))
+        rest = one - rest, sign ^= sign_bit(f);
+    return rest ? encoded(f, sign, rest, i, 0) : 0;
+}
+
+INLINE double two_to_the(int exponent)
+{
+    union { uint64_t bits; double value; } power = {(uint64_t)(exponent + 1023) << 52};
+    return power.value;
+}
+
 /* Doubles and numbers of a format; the format has no more bits than a double. */
 typedef union { double value; uint64_t bits; } as_bits;
 #define BINARY64 ((format){11, 52, 0, 1})
@@ -234,7 +256,7 @@ CALL int32_t row_of_soft(format f, uint64_t a, int32_t last)
     return units < last ? (int32_t)units : last;
 }
 
-/* What every type has, of its elements' conversions from and to doubles and of `row` elements of arrays. */
+/* What every type has, of `row` elements of arrays. */
 #define OF_ELEMENTS(type, element)                                                                       \
     INLINE type all_##type(element a) { type r; EACH r[k] = a; return r; }                               \
     INLINE type select_##type(i32 flag, type a, type b)                                                  \
@@ -248,35 +270,27 @@ CALL int32_t row_of_soft(format f, uint64_t a, int32_t last)
         EACH r[k] = rows[index[k]];                                                                      \
         return r;                                                                                        \
     }                                                                                                    \
-    CALL i32 index_##type(type a, int32_t last) { i32 r; EACH r[k] = row_of_##type(a[k], last); return r; } \
-    UNARY(type, sine) UNARY(type, cosine) UNARY(type, exponential) UNARY(type, wrap)                     \
-    BINARY(type, arctangent) BINARY(type, hypotenuse)
-#define UNARY(type, name)                                                                                \
-    CALL type name##_##type(type a)                                                                      \
-    {                                                                                                    \
-        EACH a[k] = type##_of_double(name(double_of_##type(a[k])));                                      \
-        return a;                                                                                        \
-    }
-#define BINARY(type, name)                                                                               \
-    CALL type name##_##type(type a, type b)                                                              \
-    {                                                                                                    \
-        EACH a[k] = type##_of_double(name(double_of_##type(a[k]), double_of_##type(b[k])));              \
-        return a;                                                                                        \
-    }
+    CALL i32 index_##type(type a, int32_t last) { i32 r; EACH r[k] = row_of_##type(a[k], last); return r; }
 
-#define NATIVE(type, element, integer, top, nan)                                                         \
+/* What a number is above its nearest whole number, half of one being below. */
+#define WRAPPED(rest) ((rest) == 0.5f ? -0.5f : (rest))
+
+#define NATIVE(type, element, integer, top, nan, nearest)                                                \
     typedef element type __attribute__((vector_size(sizeof(element) * LANES)));                          \
     typedef integer bits_##type __attribute__((vector_size(sizeof(element) * LANES)));                   \
     typedef integer bits_of_##type __attribute__((vector_size(sizeof(element) * LANES), aligned(1)));    \
-    INLINE double double_of_##type(element a) { return a; }                                              \
     INLINE int32_t row_of_##type(element a, int32_t last) { return row_of_double(a, last); }             \
-    INLINE element type##_of_double(double a) { return a; }                                              \
     OF_ELEMENTS(type, element)                                                                           \
     INLINE type add_##type(type a, type b) { return a + b; }                                             \
     INLINE type subtract_##type(type a, type b) { return a - b; }                                        \
     INLINE type multiply_##type(type a, type b) { return a * b; }                                        \
     INLINE type divide_##type(type a, type b) { return a / b; }                                          \
     INLINE type negate_##type(type a) { return -a; }                                                     \
+    INLINE type wrap_##type(type a)                                                                      \
+    {                                                                                                    \
+        EACH a[k] = WRAPPED(a[k] - nearest(a[k]));                                                       \
+        return a;                                                                                        \
+    }                                                                                                    \
     INLINE i32 negative_##type(type a) { i32 r; EACH r[k] = -(a[k] < 0); return r; }                     \
     INLINE i32 unbounded_##type(type a)                                                                  \
     {                                                                                                    \
@@ -348,12 +362,7 @@ INLINE reals reals_rounded(format f, reals a)
     typedef i64 bits_##type;                                                                             \
     static const format format_##type = {__VA_ARGS__};                                                   \
     INLINE type rounded_##type(type a) { return reals_rounded((format){__VA_ARGS__}, a); }               \
-    INLINE double double_of_##type(double a) { return a; }                                               \
     INLINE int32_t row_of_##type(double a, int32_t last) { return row_of_double(a, last); }              \
-    INLINE double type##_of_double(double a)                                                             \
-    {                                                                                                    \
-        return double_of_soft(format_##type, soft_of_double(format_##type, a));                          \
-    }                                                                                                    \
     OF_ELEMENTS(type, double)                                                                            \
     CALL type add_##type(type a, type b)                                                                 \
     {                                                                                                    \
@@ -371,6 +380,11 @@ INLINE reals reals_rounded(format f, reals a)
     CALL type square_root_##type(type a)                                                                 \
     {                                                                                                    \
         EACH a[k] = __builtin_sqrt(a[k]);                                                                \
+        return rounded_##type(a);                                                                        \
+    }                                                                                                    \
+    CALL type wrap_##type(type a)                                                                        \
+    {                                                                                                    \
+        EACH a[k] = WRAPPED(a[k] - __builtin_rint(a[k]));                                                \
         return rounded_##type(a);                                                                        \
     }                                                                                                    \
     INLINE i32 negative_##type(type a) { i32 r; EACH r[k] = -(a[k] < 0); return r; }                     \
@@ -397,9 +411,7 @@ INLINE reals reals_rounded(format f, reals a)
     typedef i64 type;                                                                                    \
     typedef i64 bits_##type;                                                                             \
     static const format format_##type = {__VA_ARGS__};                                                   \
-    INLINE double double_of_##type(int64_t a) { return double_of_soft(format_##type, a); }               \
     INLINE int32_t row_of_##type(int64_t a, int32_t last) { return row_of_soft(format_##type, a, last); } \
-    INLINE int64_t type##_of_double(double a) { return soft_of_double(format_##type, a); }               \
     OF_ELEMENTS(type, int64_t)                                                                           \
     LANES_OF(type, add, (type a, type b), soft_add(format_##type, a[k], b[k]))                           \
     LANES_OF(type, subtract, (type a, type b),                                                           \
@@ -410,6 +422,7 @@ INLINE reals reals_rounded(format f, reals a)
     LANES_OF(type, negate, (type a), soft_negate(format_##type, a[k]))                                   \
     LANES_OF(type, scale, (type a, int exponent), soft_scale(format_##type, a[k], exponent))             \
     LANES_OF(type, square_root, (type a), soft_square_root(format_##type, a[k]))                         \
+    LANES_OF(type, wrap, (type a), soft_wrap(format_##type, a[k]))                                       \
     INLINE i32 negative_##type(type a)                                                                   \
     {                                                                                                    \
         i32 r;                                                                                           \
@@ -437,7 +450,7 @@ INLINE reals reals_rounded(format f, reals a)
     CALL type name##_##type parameters { type r; EACH r[k] = expression; return r; }
 
 /* Single and double precision, as processors have them. */
-NATIVE(binary32, float, int32_t, 0x7f800000, 0x7fc00000)
+NATIVE(binary32, float, int32_t, 0x7f800000, 0x7fc00000, __builtin_rintf)
 INLINE binary32 square_root_binary32(binary32 a) { EACH a[k] = __builtin_sqrtf(a[k]); return a; }
 CALL binary32 scale_binary32(binary32 a, int exponent)
 {
@@ -456,7 +469,7 @@ INLINE binary32 fused_binary32(binary32 a, binary32 b, binary32 c)
 #endif
 }
 
-NATIVE(binary64, double, int64_t, 0x7ff0000000000000, 0x7ff8000000000000)
+NATIVE(binary64, double, int64_t, 0x7ff0000000000000, 0x7ff8000000000000, __builtin_rint)
 INLINE binary64 square_root_binary64(binary64 a) { EACH a[k] = __builtin_sqrt(a[k]); return a; }
 CALL binary64 scale_binary64(binary64 a, int exponent)
 {

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import assert_never
 
-from kalmanhdl.arithmetic import floating, real_functions
+from kalmanhdl.arithmetic import floating
 from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.graph.operations import (
     Add,
@@ -32,6 +32,7 @@ from kalmanhdl.graph.operations import (
     Table,
     Unary,
 )
+from kalmanhdl.numerics.float_functions import KEPT
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.simulate.interpreter import Step
 
@@ -75,8 +76,6 @@ def _value(
             return floating.divide(form, form.nearest(1.0), values[a])
         case Unary(function, a):
             return _function(form, function, values[a])
-        case Binary(function, a, b):
-            return _function(form, function, values[a], values[b])
         case Table(a, rows):
             return form.nearest(rows[row_index(form, values[a], len(rows))])
         case Select(flag, a, b):
@@ -91,7 +90,7 @@ def _value(
             return values[a] | values[b]
         case Not(a):
             return 1 - values[a]
-        case Quantise() | Bits() | Outside():
+        case Quantise() | Bits() | Outside() | Binary():
             raise AssertionError(f"{operation} in a graph of floating-point numbers")
         case _ as never:
             assert_never(never)
@@ -119,8 +118,6 @@ def row_index(form: Float, raw: int, rows: int) -> int:
     return rows - 1 if form.is_infinite(raw) else min(int(form.real(raw)), rows - 1)
 
 
-def _function(form: Float, function: Function, *arguments: int) -> int:
-    if function is Function.SQUARE_ROOT:
-        return floating.square_root(form, arguments[0])
-    result: float = getattr(real_functions, function.value)(*map(form.double, arguments))
-    return form.nearest(result)
+def _function(form: Float, function: Function, a: int) -> int:
+    assert function in KEPT, function
+    return floating.wrap(form, a) if function is Function.WRAP else floating.square_root(form, a)

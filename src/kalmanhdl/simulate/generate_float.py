@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import assert_never
 
-from kalmanhdl.arithmetic import real_functions
 from kalmanhdl.arithmetic.fixed import Rounding
 from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.graph.operations import (
@@ -54,23 +53,14 @@ _NATIVE = {Float(8, 23): "binary32", Float(11, 52): "binary64"}
 _DOUBLES_EXPONENT, _DOUBLES_MANTISSA = 9, 24
 _SOFT_WIDTH, _SOFT_MANTISSA = 64, 58
 
-_COEFFICIENTS = ("SINE", "COSINE", "EXPONENTIAL", "ARCTANGENT", "EIGHTHS")
-_NUMBERS = ("TURN", "PER_RADIAN", "LOG2_E", "LN2_HIGH", "LN2_LOW", "FARTHEST")
-
 
 def float_header(forms: Iterable[Float]) -> list[str]:
     """The C that programs in these formats need."""
     forms = list(dict.fromkeys(form for form in forms if is_compiled(form)))
     if not forms:
         return []
-    folder = files("kalmanhdl.simulate")
-    numbers = ", ".join(f"{name} = {getattr(real_functions, name).hex()}" for name in _NUMBERS)
-    parts = [f"static const double {numbers};"]
-    for name in _COEFFICIENTS:
-        values = ", ".join(value.hex() for value in getattr(real_functions, name))
-        parts.append(f"static const double {name}[] = {{{values}}};")
-    parts += [(folder / name).read_text(encoding="utf-8") for name in ("functions.h", "float.h")]
-    return parts + [_definition(form) for form in forms if form not in _NATIVE]
+    header = (files("kalmanhdl.simulate") / "float.h").read_text(encoding="utf-8")
+    return [header, *(_definition(form) for form in forms if form not in _NATIVE)]
 
 
 def is_compiled(form: Float) -> bool:
@@ -222,8 +212,6 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return lowering.call("divide", lowering.constant(form.nearest(1.0)), number(a))
         case Unary(function, a):
             return lowering.call(function.value, number(a))
-        case Binary(function, a, b):
-            return lowering.call(function.value, number(a), number(b))
         case Table(a, rows):
             return _row(lowering, number(a), [form.nearest(row) for row in rows])
         case Select(condition, a, b):
@@ -238,7 +226,7 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return flag(a) | flag(b)
         case Not(a):
             return flag(a).negated()
-        case Quantise() | Bits() | Outside():
+        case Quantise() | Bits() | Outside() | Binary():
             raise AssertionError(f"{operation} in a graph of floating-point numbers")
         case _ as never:
             assert_never(never)

@@ -32,9 +32,15 @@ def log2_e(bits: int) -> Fraction:
 @lru_cache(maxsize=4096)
 def arctangent(exponent: int, bits: int) -> Fraction:
     """The angle in turns whose tangent is 2**-exponent."""
-    if exponent == 0:
+    return angle_of(Fraction(1, 1 << exponent), bits)
+
+
+@lru_cache(maxsize=256)
+def angle_of(slope: Fraction, bits: int) -> Fraction:
+    """The angle in turns whose tangent is a slope from 0 to 1."""
+    if slope == 1:
         return Fraction(1, 8)
-    return _cut(_inverse_tangent(Fraction(1, 1 << exponent), bits + 2) / (2 * pi(bits + 4)), bits + 2)
+    return _cut(_inverse_tangent(slope, bits + 2) / (2 * pi(bits + 4)), bits + 2)
 
 
 @lru_cache(maxsize=4096)
