@@ -21,13 +21,17 @@ import numpy as np
 
 import float_vectors
 from core_runs import CompiledCores
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.rtl.floating.adder import FloatAdder
+from kalmanhdl.rtl.floating.comparer import FloatComparer
+from kalmanhdl.rtl.floating.converters import FixedToFloat, FloatToFixed
 from kalmanhdl.rtl.floating.divider import FloatDivider
 from kalmanhdl.rtl.floating.fused import FloatFused
 from kalmanhdl.rtl.floating.multiplier import FloatMultiplier
 from kalmanhdl.rtl.floating.scaler import FloatScaler
 from kalmanhdl.rtl.floating.square_root import FloatSquareRoot
+from kalmanhdl.rtl.floating.wrapper import FloatWrapper
 from kalmanhdl.toolchain.cxxrtl import find_compiler
 from kalmanhdl.toolchain.process import run, working_folder
 
@@ -69,7 +73,16 @@ def cores(form: Float) -> dict:
         "scale_up": FloatScaler(form, 3, 2),
         "scale_down": FloatScaler(form, -5, 1),
         "fused": FloatFused(form, 9),
+        "wrap": FloatWrapper(form, 3),
+        "compare": FloatComparer(form, 1),
+        "to_fixed": FloatToFixed(form, fixed_of(form), 3),
+        "from_fixed": FixedToFloat(fixed_of(form), form, 3),
     }
+
+
+def fixed_of(form: Float) -> Fixed:
+    """The fixed-point format that numbers are converted to and from, as wide as theirs."""
+    return Fixed(width=form.width, fraction=form.width // 3)
 
 
 class Oracle:
@@ -100,7 +113,26 @@ class Oracle:
             found["square_root"] = np.sqrt(x)
             found["scale_up"], found["scale_down"] = np.ldexp(x, 3), np.ldexp(x, -5)
             found["fused"] = self.fused(x, y, z)
-        return {name: self.raws(values) for name, values in found.items()}
+            rest = x - np.rint(x)
+            found["wrap"] = np.where(rest == 0.5, self.number(-0.5), rest)
+            found["from_fixed"] = self.from_fixed(a)
+            exact = {"compare": compared_bits(x, y), "to_fixed": self.to_fixed(x)}
+        return exact | {name: self.raws(values) for name, values in found.items()}
+
+    def to_fixed(self, x):
+        """Doubles hold every number of the format times a power of two, and the limits."""
+        fixed = fixed_of(self.form)
+        scaled = np.nan_to_num(x.astype(np.float64), nan=0.0, posinf=np.inf, neginf=-np.inf)
+        raws = np.clip(np.rint(scaled * 2.0**fixed.fraction), fixed.lowest, fixed.highest)
+        return raws.astype(np.int64).astype(np.uint64) & np.uint64((1 << fixed.width) - 1)
+
+    def from_fixed(self, raws):
+        """Doubles hold every number of the fixed-point format."""
+        fixed = fixed_of(self.form)
+        signed = raws.astype(np.int64) - (raws >> np.uint64(fixed.width - 1)).astype(np.int64) * (
+            1 << fixed.width
+        )
+        return (signed * 2.0**-fixed.fraction).astype(self.number)
 
     def fused(self, *operands):
         wide = np.float32 if self.number is np.float32 else np.float64
@@ -112,6 +144,12 @@ class Oracle:
 
     def raws(self, values):
         return np.where(np.isnan(values), self.form.nan, values.view(self.integer)).astype(np.uint64)
+
+
+def compared_bits(x, y):
+    """The bits that ``FloatComparer`` sets."""
+    flags = (x < y, x == y, x > y, np.isnan(x) | np.isnan(y))
+    return sum(flag.astype(np.uint64) << np.uint64(place) for place, flag in enumerate(flags))
 
 
 def compared(form: Float, vectors: int, seed: int) -> int:

@@ -1,19 +1,25 @@
 """Floating-point cores give what the definition says, and what NumPy says, at any depth."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 import float_vectors
 from core_runs import CompiledCores
-from kalmanhdl.arithmetic.fixed import Rounding
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.arithmetic.floating import Float
+from kalmanhdl.errors import FormatError
 from kalmanhdl.rtl.floating.adder import FloatAdder
+from kalmanhdl.rtl.floating.comparer import FloatComparer
+from kalmanhdl.rtl.floating.converters import FixedToFloat, FloatToFixed
 from kalmanhdl.rtl.floating.divider import FloatDivider
 from kalmanhdl.rtl.floating.fused import FloatFused
 from kalmanhdl.rtl.floating.multiplier import FloatMultiplier
 from kalmanhdl.rtl.floating.scaler import FloatScaler
 from kalmanhdl.rtl.floating.square_root import FloatSquareRoot
 from kalmanhdl.rtl.floating.table import FloatTable
+from kalmanhdl.rtl.floating.wrapper import FloatWrapper
 
 TOWARD_ZERO = Rounding.TOWARD_ZERO
 TINY = (
@@ -49,11 +55,32 @@ def cores(form, registers, on_block=True):
         "square_root": FloatSquareRoot(form, next(depth)),
         "up": FloatScaler(form, 2, next(depth)),
         "down": FloatScaler(form, -3, next(depth)),
+        "wrap": FloatWrapper(form, next(depth)),
         "table": FloatTable(form, rows, next(depth)),
         "fused": FloatFused(form, next(depth), on_block),
         "fused_minus_product": FloatFused(form, next(depth), not on_block, minus_product=True),
         "fused_minus_addend": FloatFused(form, next(depth), not on_block, minus_addend=True),
     }
+
+
+@pytest.mark.parametrize(
+    "form", [Float(3, 2), Float(3, 3, TOWARD_ZERO), Float(4, 3, subnormals=False)], ids=str
+)
+def test_every_number_of_tiny_formats_is_converted_and_compared(form):
+    built = {"compare": FloatComparer(form, 1)}
+    for fraction, signed in product((-1, 0, 2, 5), (True, False)):
+        fixed = Fixed(width=form.width, fraction=fraction, signed=signed)
+        registers = fraction + 1
+        built[f"to_fixed {fraction} {signed}"] = FloatToFixed(form, fixed, registers)
+        built[f"from_fixed {fraction} {signed}"] = FixedToFloat(fixed, form, registers)
+    built = {name.replace(" ", "_").replace("-", "m"): core for name, core in built.items()}
+    numbers = np.arange(1 << form.width)
+    check(built, [each.ravel() for each in np.meshgrid(numbers, numbers)])
+
+
+def test_a_fixed_format_of_subnormals_alone_is_refused():
+    with pytest.raises(FormatError, match="ends below the least normal number"):
+        FloatToFixed(Float(3, 2), Fixed(width=4, fraction=9))
 
 
 def check(built, operands):
