@@ -107,7 +107,8 @@ def test_functions_take_turns_on_the_operators_that_there_are(name):
 
 def test_operators_take_as_many_clocks_as_asked():
     clocks = {"add": 7, "multiply": 5}
-    design = one_axis(FloatSpecification(exponent=5, mantissa=4), units={"add": 1}, clocks=clocks)
+    numerics = FloatSpecification(exponent=5, mantissa=4)
+    design = one_axis(numerics, units={"add": 1}, clocks=clocks, clock_mhz=50)
     hardware = compile_design(design)
     plan, operations = hardware.plan, hardware.plan.typed.graph.operations
     held = {type(o).__name__: plan.registers[k] for k, o in enumerate(operations)}
