@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from find_libpython import find_libpython
 
-from kalmanhdl.design import Architecture, Design, Streams, Target
+from kalmanhdl.design import Architecture, Coefficients, Design, Streams, Target
 from kalmanhdl.model.initial import two_point
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.floating import FloatSpecification
@@ -61,6 +61,7 @@ KINDS = {
     "lanes_apart": lambda: axis(interval=1, channels=3, lanes=2, streams=Streams.LANE),
     "wide": lambda: axis(numerics=FixedSpecification(width=70)),
     "floating": lambda: axis(numerics=FloatSpecification(exponent=5, mantissa=10), device="ecp5-85k"),
+    "loadable": lambda: axis(coefficients=Coefficients.LOADABLE, interval=2, channels=5),
     "run_time_inputs": lambda: axis(model=varying(), interval=3, channels=4),
 }
 

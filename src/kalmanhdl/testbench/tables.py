@@ -20,6 +20,7 @@ def tables(vectors: Vectors, plan: Plan, shown: Interface) -> dict[str, str]:
     """Every table by the name of its file."""
     found = {
         "ports.csv": ports(plan, shown),
+        "held.csv": (("port",), *((name,) for name, _ in shown.loading)),
         "sections.csv": (("section", "wait"), *(_section(section) for section in vectors.sections)),
         "stimulus.csv": transfers(vectors.stimulus, shown, "in"),
         "expected.csv": transfers(vectors.expected, shown, "out"),

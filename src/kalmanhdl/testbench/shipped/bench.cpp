@@ -161,6 +161,7 @@ Places tokens(const std::vector<Row> &rows, const std::vector<Port> &ports) {
 }
 
 struct Bench {
+    // Its inputs begin at zero, where those of held.csv stay.
     Model model;
     std::vector<Stream> streams;
     int64_t clock = 0;

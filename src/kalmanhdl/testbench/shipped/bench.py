@@ -126,8 +126,9 @@ class Stream:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vectors:
-    """The tables: sections with the clocks that follow them, ports and tokens by stream."""
+    """The tables: ports at zero, sections with the clocks that follow them, ports and tokens by stream."""
 
+    held: list[str]
     sections: dict[str, int]
     inputs: dict[str, list[Port]]
     outputs: dict[str, list[Port]]
@@ -145,6 +146,8 @@ async def vectors(dut: Any) -> None:
     if hasattr(dut, "coefficient_write"):
         # The vectors are for the coefficients that the hardware begins with.
         dut.coefficient_write.value = 0
+    for name in read.held:
+        dut[name].value = 0
     Clock(dut.clk, 10, unit="ns").start()
     for name, wait in read.sections.items():
         dut.rst.value = 1
@@ -194,6 +197,7 @@ def read_vectors(folder: Path) -> Vectors:
     streams = dict.fromkeys(row["stream"] for row in rows)
     columns = {way: [c for c in _columns(rows) if c.startswith(way)] for way in ("in_", "out_")}
     return Vectors(
+        held=[row["port"] for row in _rows(folder / "held.csv")],
         sections={row["section"]: int(row["wait"]) for row in _rows(folder / "sections.csv")},
         inputs={stream: _ports(rows, stream, "in_") for stream in streams},
         outputs={stream: _ports(rows, stream, "out_") for stream in streams},
