@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.arithmetic.product_structure import LogicProduct
-from kalmanhdl.graph.kinds import KINDS
+from kalmanhdl.graph.kinds import ITERATIVE, KINDS, limit
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.numerics.floating import FloatSpecification
@@ -63,6 +63,7 @@ class Architecture:
     that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
     most clocks from a step to its result, is met with as few operators as were found to suffice. ``clocks``
     are what operators of a kind in floating point take at least; the aim for the clock may ask for more.
+    ``iterative`` kinds of ``units``, such as ("divide",), work for several clocks on one operation.
     ``solver_seconds`` of its own may a solver spend on better schedules than a list gives; 0: the list alone.
 
     ``lanes`` such filters stand side by side, each with ``channels`` tracks, ``units`` and
@@ -79,6 +80,7 @@ class Architecture:
     multiplier: LogicProduct = LogicProduct.BOOTH
     units: Mapping[str, int] | None = None
     latency: int | None = None
+    iterative: tuple[str, ...] = ()
     updates_per_second: float | None = None
     solver_seconds: float = SOLVER_SECONDS
     clocks: Mapping[str, int] | None = None
@@ -113,6 +115,14 @@ class Architecture:
             _check_counts("units", self.units, MAX_BLOCKS)
         if self.clocks is not None:
             _check_counts("clocks", self.clocks, MAX_CLOCKS)
+        for kind in self.iterative:
+            if kind not in ITERATIVE:
+                problem = f" = {shown(kind)}: {nearest(str(kind), ITERATIVE)}"
+                raise InvalidValueError("architecture", "iterative", problem)
+            if not self.units or limit(kind, self.units) is None:
+                problem = f" = {shown(kind)}: how many there are is said by units: give it a count"
+                raise InvalidValueError("architecture", "iterative", problem)
+        object.__setattr__(self, "iterative", tuple(self.iterative))
         if self.updates_per_second is not None:
             _check_rate(self.updates_per_second, self.interval)
         _check_number("solver_seconds", self.solver_seconds, MAX_SOLVER_SECONDS)

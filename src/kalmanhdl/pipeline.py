@@ -116,6 +116,7 @@ def wanted(architecture: Architecture, part: Device) -> Wanted:
         multiplier_blocks=architecture.multiplier_blocks,
         units=architecture.units,
         latency=architecture.latency,
+        iterative=architecture.iterative,
         solver_seconds=architecture.solver_seconds,
     )
 

@@ -72,6 +72,14 @@ class LongStructure:
         return (1,) * (self.rows % 2) + (2,) * (self.rows // 2)
 
 
+def inner(form: Fixed) -> Fixed:
+    """The format in which the quotient is found before it is clamped."""
+    # Parity decides ties only in a format whose greatest number is odd, which 0 is not.
+    if form.highest == 0:
+        return Fixed(width=2, fraction=form.fraction)
+    return form
+
+
 def row_weights(structure: LongStructure) -> tuple[float, ...]:
     """The delay of each step in radix-2 rows: what is before the rows, the rows, what is after."""
     before = 1.0 if structure.biased else 0.1

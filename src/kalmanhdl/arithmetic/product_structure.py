@@ -39,6 +39,12 @@ def recodes_first(a_width: int, a_signed: bool, b_width: int, b_signed: bool) ->
     return booth_terms(a_width, a_signed) < booth_terms(b_width, b_signed)
 
 
+def serial_rows(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """Booth rows that are added one after the other where there is an adder for one."""
+    swapped = recodes_first(a_width, a_signed, b_width, b_signed)
+    return booth_rows(a_width, a_signed) if swapped else booth_rows(b_width, b_signed)
+
+
 def logic_addends(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
     """The addends of a multiplication from logic."""
     return min(booth_terms(a_width, a_signed), booth_terms(b_width, b_signed))

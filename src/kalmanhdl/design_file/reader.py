@@ -143,6 +143,7 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
             units=architecture.units,
             latency=architecture.latency,
             clocks=architecture.clocks,
+            iterative=architecture.iterative,
             updates_per_second=architecture.updates_per_second,
             solver_seconds=architecture.solver_seconds,
             lanes=architecture.lanes,

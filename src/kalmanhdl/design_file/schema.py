@@ -288,6 +288,7 @@ class ArchitectureTable(Table):
     units: dict[str, Integer] | None = None
     latency: Integer | None = None
     clocks: dict[str, Integer] | None = None
+    iterative: tuple[str, ...] = ()
     updates_per_second: Number | None = None
     solver_seconds: Number = SOLVER_SECONDS
     lanes: Integer = 1

@@ -264,6 +264,8 @@ def _architecture(architecture: Architecture) -> Lines:
         lines.append(f"clocks = {_counts(architecture.clocks)}")
     if architecture.latency is not None:
         lines.append(f"latency = {architecture.latency}")
+    if architecture.iterative:
+        lines.append(f"iterative = [{', '.join(map(_text, architecture.iterative))}]")
     if architecture.updates_per_second is not None:
         lines.append(f"updates_per_second = {_number(architecture.updates_per_second)}")
     if architecture.solver_seconds != Architecture().solver_seconds:

@@ -6,6 +6,9 @@ from kalmanhdl.graph.operations import Add, Divide, Multiply, Operation, Recipro
 
 KINDS = ("add", "subtract", "multiply", "divide", "reciprocal")
 
+ITERATIVE = ("multiply", "divide", "reciprocal")
+"""Those of which there is hardware that works for several clocks on one operation."""
+
 
 def kind_of(operation: Operation, counts: Mapping[str, int]) -> str | None:
     """The kind of shared operator of an operation, given how many there are of each; None for one of its own.

@@ -5,10 +5,10 @@ from dataclasses import replace
 from amaranth.hdl import Module, Value
 from amaranth.lib.wiring import In, Out
 
-from kalmanhdl.arithmetic.division_structure import Operand, long_structure, row_weights
+from kalmanhdl.arithmetic.division_structure import Operand, inner, long_structure, row_weights
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding
 from kalmanhdl.rtl.iteration import Iteration
-from kalmanhdl.rtl.long_division import LongDivisionCore, inner, row
+from kalmanhdl.rtl.long_division import LongDivisionCore, row
 from kalmanhdl.rtl.stages import Stages
 
 

@@ -8,7 +8,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Member, Out
 
 from kalmanhdl.arithmetic.division import divide
-from kalmanhdl.arithmetic.division_structure import ONE, LongStructure, Operand, bits_of
+from kalmanhdl.arithmetic.division_structure import ONE, LongStructure, Operand, bits_of, inner
 from kalmanhdl.arithmetic.fixed import Fixed, Rounding, outside, saturated
 from kalmanhdl.rtl.shapes import fitted, shape_of, shifted_sum
 from kalmanhdl.rtl.stages import named
@@ -119,14 +119,6 @@ class LongDivisionCore(wiring.Component):
             out = out | outside(quotient, self.form)
             quotient = saturated(quotient, self.form, Mux)
         return fitted(quotient, self.form.width, self.form.signed), out
-
-
-def inner(form: Fixed) -> Fixed:
-    """The format in which the quotient is found before it is clamped."""
-    # Parity decides ties only in a format whose greatest number is odd, which 0 is not.
-    if form.highest == 0:
-        return Fixed(width=2, fraction=form.fraction)
-    return form
 
 
 def row(m: Module, state: dict[str, Value], add: Value, down: Value, place: str) -> dict[str, Value]:

@@ -7,7 +7,7 @@ from kalmanhdl.arithmetic.division_structure import ONE, Operand, in_one_table
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.graph.operations import operands
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.rtl.divider import LongDivider
+from kalmanhdl.rtl.divider import IterativeDivider, LongDivider
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
 from kalmanhdl.rtl.reciprocal_table import ReciprocalTable
@@ -43,6 +43,14 @@ def division(
     radix = method.radix if isinstance(method, LongDivision) else 2
     dividend, divisor = reads if len(reads) == 2 else (ONE, reads[0])
     return LongDivider(dividend, divisor, form, rounding, radix, registers)
+
+
+def iterative_division(typed: TypedGraph, reads: tuple[Operand, ...], form: Fixed) -> IterativeDivider:
+    """The core of one row that divides the first operand by the second, or gives a reciprocal."""
+    method = typed.division
+    radix = method.radix if isinstance(method, LongDivision) else 2
+    dividend, divisor = reads if len(reads) == 2 else (ONE, reads[0])
+    return IterativeDivider(dividend, divisor, form, typed.division_rounding, radix)
 
 
 def _operand(plan: Plan, index: int) -> Operand:

@@ -4,7 +4,7 @@ from amaranth.hdl import Cat, Const, Module, Shape, Value, signed, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from kalmanhdl.arithmetic.product_structure import booth_rows, recodes_first
+from kalmanhdl.arithmetic.product_structure import recodes_first, serial_rows
 from kalmanhdl.rtl.iteration import Iteration
 from kalmanhdl.rtl.multiplier import booth_row
 from kalmanhdl.rtl.shapes import fitted
@@ -20,8 +20,7 @@ class SerialMultiplier(wiring.Component):
     def __init__(self, a: Shape, b: Shape, rows: int = 1) -> None:
         self._rows = rows
         self._swapped = recodes_first(a.width, a.signed, b.width, b.signed)
-        recoded = a if self._swapped else b
-        self.iteration = Iteration(-(-booth_rows(recoded.width, recoded.signed) // rows))
+        self.iteration = Iteration(-(-serial_rows(a.width, a.signed, b.width, b.signed) // rows))
         self._digits = self.iteration.clocks * rows
         shape = signed if a.signed or b.signed else unsigned
         ports = {"a": In(a), "b": In(b), "product": Out(shape(a.width + b.width))}

@@ -11,7 +11,8 @@ from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.float_operators import core as float_core
 from kalmanhdl.rtl.multiplier import Multiplier
-from kalmanhdl.rtl.operators import division
+from kalmanhdl.rtl.operators import division, iterative_division
+from kalmanhdl.rtl.serial_multiplier import SerialMultiplier
 from kalmanhdl.rtl.shapes import fitted, shape_of
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.sharing import Core, core
@@ -20,6 +21,8 @@ from kalmanhdl.schedule.storage import Port, ports
 
 class SharedUnit(Component):
     """Ports ``operand_<k>``, ``result`` and, for sums, ``subtract``: the second operand is taken away.
+
+    An iterative one has ``start``, high in the clocks in which operands are to be taken.
 
     The result stands as many clocks after the operands as the operations on it have registers. All numbers
     are raw integers.
@@ -34,6 +37,7 @@ class SharedUnit(Component):
         self._registers = plan.registers[unit.operations[0]] - 1
         operands = {f"operand_{k}": In(shape_of(one.form)) for k, one in enumerate(self.core.operands)}
         sign = {"subtract": In(1)} if unit.kind in ("add", "subtract") else {}
+        sign |= {"start": In(1)} if unit.busy > 1 else {}
         super().__init__({**operands, **sign, "result": Out(shape_of(self.core.form))})
 
     @property
@@ -95,6 +99,11 @@ class SharedUnit(Component):
         assert isinstance(typed, TypedGraph)
         on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
         a, b = (shape_of(one.form) for one in self.core.operands)
+        if self.unit.busy > 1:
+            m.submodules.core = serial = SerialMultiplier(a, b)
+            m.d.comb += [serial.a.eq(taken[0]), serial.b.eq(taken[1]), self.result.eq(serial.product)]
+            m.d.sync += serial.start.eq(self.start)
+            return
         m.submodules.core = inner = Multiplier(a, b, self._registers, on_block, typed.logic_product)
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1]), self.result.eq(inner.product)]
 
@@ -108,7 +117,11 @@ class SharedUnit(Component):
         typed = self._plan.typed
         assert isinstance(typed, TypedGraph)
         on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
-        inner = division(typed, self.core.operands, self.form, self._registers, on_block)
+        if self.unit.busy > 1:
+            inner = iterative_division(typed, self.core.operands, self.form)
+            m.d.sync += inner.start.eq(self.start)
+        else:
+            inner = division(typed, self.core.operands, self.form, self._registers, on_block)
         m.submodules.core = inner
         if len(taken) == 2:
             m.d.comb += inner.dividend.eq(taken[0])

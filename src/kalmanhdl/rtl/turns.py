@@ -18,6 +18,11 @@ def take_turns(m: Module, phases: Phases, values: Values, unit: SharedUnit, name
     for number, port in enumerate(unit.choices):
         chosen = _Chosen(m, phases, values, f"{name}_operand_{number}", getattr(unit, f"operand_{number}"))
         chosen.connect(port)
+    if unit.unit.busy > 1:
+        words = [0] * plan.interval
+        for index in unit.unit.operations:
+            words[plan.start[index] % plan.interval] = 1
+        m.d.comb += unit.start.eq(phases.table(f"{name}_start", words, 1))
     if "subtract" in unit.signature.members:
         words = [0] * plan.interval
         for index in unit.unit.operations:

@@ -44,7 +44,7 @@ class Task:
 
     def on(self, units: Mapping[str, int]) -> "Attempt":
         """The step on so many operators. Raises ScheduleError where they cannot be shared."""
-        shared = sharing(self.typed, units, own=self.small)
+        shared = sharing(self.typed, units, own=self.small, iterative=self.wanted.iterative)
         step = step_of(self.typed, self.device, self.wanted.channels, self.on_block, shared)
         return Attempt(
             sharing=shared,

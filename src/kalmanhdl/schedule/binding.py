@@ -41,6 +41,7 @@ def bound(
     for kind, count in sharing.counts.items():
         places[kind] = range(len(units), len(units) + count)
         units += (_Bound(kind) for _ in range(count))
+    given = _of_iterative(starts, interval, sharing, places)
     left = {kind: len(who) for kind, who in sharing.operations.items()}
     chosen: dict[int, int] = {}
     wires = Wires(typed, starts, ends, chosen)
@@ -52,6 +53,8 @@ def bound(
         phase = starts[index] % interval
         kind = kinds[index]
         free = [k for k in places[kind] if phase not in units[k].phases]
+        if index in given:
+            free = [given[index]]
         empty = [k for k in free if not units[k].operations]
         best = min(empty if left[kind] == len(empty) else free, key=lambda k: _cost(units[k], reads, k))
         left[kind] -= 1
@@ -62,7 +65,23 @@ def bound(
         for wire, port in zip(reads, unit.ports, strict=True):
             port.add(wire)
         chosen[index] = best
-    return tuple(Unit(kind=unit.kind, operations=tuple(unit.operations)) for unit in units)
+    return tuple(
+        Unit(kind=unit.kind, operations=tuple(unit.operations), busy=sharing.cycles(unit.kind))
+        for unit in units
+    )
+
+
+def _of_iterative(
+    starts: Sequence[int], interval: int, sharing: Sharing, places: dict[str, range]
+) -> dict[int, int]:
+    """The operator of each operation that takes one for several cycles: the one that was free first."""
+    found: dict[int, int] = {}
+    for kind, busy in sharing.busy.items():
+        free = dict.fromkeys(places[kind], 0)
+        for index in sorted(sharing.operations[kind], key=lambda k: (starts[k] % interval, k)):
+            chosen = min(free, key=lambda unit: (free[unit], unit))
+            found[index], free[chosen] = chosen, starts[index] % interval + busy
+    return found
 
 
 def _cost(unit: _Bound, reads: Sequence[Wire | None], number: int) -> tuple[int, int, int]:

@@ -110,15 +110,19 @@ def _turns(plan: Plan) -> Iterator[str]:
     for number, unit in enumerate(plan.units):
         busy: dict[int, int] = {}
         for index in unit.operations:
-            phase = plan.start[index] % plan.interval
-            if phase in busy:
-                yield (
-                    f"{_name(plan, index)} and {_name(plan, busy[phase])} both take operator {number} in "
-                    f"cycle {phase} of the interval"
-                )
+            for cycle in range(plan.start[index], plan.start[index] + unit.busy):
+                phase = cycle % plan.interval
+                if phase in busy:
+                    yield (
+                        f"{_name(plan, index)} and {_name(plan, busy[phase])} both take operator {number} in "
+                        f"cycle {phase} of the interval"
+                    )
+                busy[phase] = index
             if index in seen:
                 yield f"{_name(plan, index)} is on operators {seen[index]} and {number}"
-            busy[phase], seen[index] = index, number
+            seen[index] = number
+            if unit.busy > 1 and plan.registers[index] != unit.busy + 1:
+                yield f"{_name(plan, index)} holds {plan.registers[index]} registers for {unit.busy} clocks"
         if len({plan.registers[index] for index in unit.operations}) > 1 or not unit.operations:
             yield f"operator {number} ({unit.kind}) has operations of different length, or none"
         if any(plan.registers[index] < 1 for index in unit.operations):

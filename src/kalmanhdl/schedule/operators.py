@@ -74,10 +74,42 @@ def operators(
     """The operator of every operation; those in ``on_block`` multiply on multiplier blocks."""
     turns: dict[int, Operator] = {}
     for kind, who in shared.operations.items():
-        turns |= dict.fromkeys(who, shared_operator(typed, kind, who, device, shared.counts[kind], on_block))
+        turns |= dict.fromkeys(who, _turned(typed, kind, shared, device, on_block))
     return tuple(
         turns[index] if index in turns else operator(typed, index, device, index in on_block)
         for index in range(len(typed.graph.operations))
+    )
+
+
+def _turned(
+    typed: TypedGraph | FloatGraph, kind: str, shared: Sharing, device: Device, on_block: frozenset[int]
+) -> Operator:
+    who, count = shared.operations[kind], shared.counts[kind]
+    if kind in shared.busy:
+        assert isinstance(typed, TypedGraph)
+        return _iterative(typed, kind, who, device, shared.busy[kind], count)
+    return shared_operator(typed, kind, who, device, count, on_block)
+
+
+def _iterative(
+    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, busy: int, count: int
+) -> Operator:
+    """The operator of one row that works for ``busy`` - 1 clocks on what was loaded in one."""
+    made = core(typed, kind, who)
+    width = max(port.form.width for port in made.operands)
+    if kind == "multiply":
+        row = _delay(device, "select", width) + _delay(device, "add", width + 2)
+        pieces: tuple[int, ...] = (0, *(row,) * (busy - 1), 0)
+    else:
+        before, *rows, after = division(typed, kind, made.operands, made.form, device, False).pieces
+        pieces = (before, *(max(rows),) * (busy - 1), after)
+    return Operator(
+        kind=kind,
+        pieces=pieces,
+        shared=True,
+        fetch=_fetch(device, width, ceil(len(who) / count)),
+        # A register behind every piece but the last: one row works on them, clock after clock.
+        asked=len(pieces),
     )
 
 

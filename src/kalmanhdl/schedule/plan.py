@@ -54,7 +54,11 @@ class Plan:
         for unit in self.units:
             counts[unit.kind] = counts.get(unit.kind, 0) + 1
             found[unit.kind] = (*found.get(unit.kind, ()), *unit.operations)
-        return Sharing(counts=counts, operations={kind: tuple(sorted(who)) for kind, who in found.items()})
+        return Sharing(
+            counts=counts,
+            operations={kind: tuple(sorted(who)) for kind, who in found.items()},
+            busy={unit.kind: unit.busy for unit in self.units if unit.busy > 1},
+        )
 
     def end(self, index: int) -> int:
         """The cycle in which the value of an operation is there."""

@@ -4,15 +4,16 @@ A shared operator works on raw integers. Operands come to it shifted left, which
 operator serves operations of different formats: sums are aligned, and divisions are brought to one exponent.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from math import ceil
 
-from kalmanhdl.arithmetic.division import TableNewton
-from kalmanhdl.arithmetic.division_structure import Operand
+from kalmanhdl.arithmetic.division import LongDivision, TableNewton
+from kalmanhdl.arithmetic.division_structure import ONE, Operand, inner, long_structure
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.product_structure import serial_rows
 from kalmanhdl.errors import ScheduleError
-from kalmanhdl.graph.kinds import KINDS, kind_of, limit
+from kalmanhdl.graph.kinds import ITERATIVE, KINDS, kind_of, limit
 from kalmanhdl.graph.operations import Add, Constant, Divide, Multiply, Reciprocal, Subtract, operands
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
@@ -20,18 +21,24 @@ from kalmanhdl.numerics.typed import TypedGraph
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """One operator and the operations, by index, that take turns on it."""
+    """One operator and the operations, by index, that take turns on it, each for ``busy`` cycles."""
 
     kind: str
     operations: tuple[int, ...]
+    busy: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sharing:
-    """How many operators of each kind there are, and which operations take turns on them."""
+    """How many operators of each kind there are, and which operations take turns on them.
+
+    An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval, and
+    any other operator for one cycle.
+    """
 
     counts: dict[str, int]
     operations: dict[str, tuple[int, ...]]
+    busy: dict[str, int] = field(default_factory=dict)
 
     def kind(self) -> dict[int, str]:
         """The kind of the shared operator of each operation that has one."""
@@ -40,7 +47,12 @@ class Sharing:
     @property
     def bound(self) -> int:
         """The least interval in which every operation finds its turn."""
-        return max((ceil(len(self.operations[k]) / n) for k, n in self.counts.items()), default=1)
+        turns = (self.cycles(k) * ceil(len(self.operations[k]) / n) for k, n in self.counts.items())
+        return max(turns, default=1)
+
+    def cycles(self, kind: str) -> int:
+        """For how many cycles an operation takes an operator."""
+        return self.busy.get(kind, 1)
 
 
 NONE_SHARED = Sharing(counts={}, operations={})
@@ -56,11 +68,17 @@ class Core:
     form: Fixed
 
 
-def sharing(typed: TypedGraph | FloatGraph, units: Mapping[str, int], own: Iterable[int] = ()) -> Sharing:
-    """Who shares what when there are at most so many operators of a kind.
+def sharing(
+    typed: TypedGraph | FloatGraph,
+    units: Mapping[str, int],
+    own: Iterable[int] = (),
+    iterative: Collection[str] = (),
+) -> Sharing:
+    """Who shares what when there are at most so many operators of a kind, some kinds being ``iterative``.
 
-    Where there are no more operations than operators each has its own. Operations in ``own`` never share.
-    Raises ScheduleError for a kind that is not known, and for operations that cannot share one operator.
+    Where there are no more operations than operators each has its own, but for iterative ones. Operations in
+    ``own`` never share. Raises ScheduleError for a kind that is not known, and for operations that cannot
+    share one operator.
     """
     for kind in units:
         if kind not in KINDS:
@@ -72,12 +90,34 @@ def sharing(typed: TypedGraph | FloatGraph, units: Mapping[str, int], own: Itera
         if word is not None and index not in apart:
             found.setdefault(word, []).append(index)
     counts = {kind: limit(kind, units) or 0 for kind in found}
-    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind]}
+    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind] or kind in iterative}
     for kind, who in shared.items():
         if counts[kind] < 1:
             raise ScheduleError(f"architecture.units.{kind} is {counts[kind]}: use 1 or more")
         _check_alike(typed, kind, who)
-    return Sharing(counts={kind: counts[kind] for kind in shared}, operations=shared)
+    return Sharing(
+        counts={kind: min(counts[kind], len(who)) for kind, who in shared.items()},
+        operations=shared,
+        busy={kind: _busy(typed, kind, who) for kind, who in shared.items() if kind in iterative},
+    )
+
+
+def _busy(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> int:
+    """The cycles from the start of an iterative operator to the next."""
+    if isinstance(typed, FloatGraph) or kind not in ITERATIVE:
+        raise ScheduleError(f"architecture.iterative: there is no iterative hardware for {kind} here")
+    made = core(typed, kind, who)
+    if kind == "multiply":
+        a, b = (port.form for port in made.operands)
+        return serial_rows(a.width, a.signed, b.width, b.signed) + 1
+    if kind == "reciprocal" and isinstance(typed.division, TableNewton):
+        raise ScheduleError(
+            "architecture.iterative: reciprocals by a table are not iterative: use division radix2 or radix4"
+        )
+    radix = typed.division.radix if isinstance(typed.division, LongDivision) else 2
+    dividend, divisor = made.operands if len(made.operands) == 2 else (ONE, made.operands[0])
+    rows = long_structure(dividend, divisor, inner(made.form), typed.division_rounding, radix).rows
+    return ceil(rows / (radix // 2)) + 1
 
 
 def _check_alike(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> None:

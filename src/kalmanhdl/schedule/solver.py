@@ -124,10 +124,10 @@ def _follow(model: "CpModel", problem: Problem, points: Points) -> None:
 def _take_turns(model: "CpModel", problem: Problem, points: Points) -> None:
     interval = problem.interval
     for kind, who in problem.sharing.operations.items():
-        taken = []
+        taken, busy = [], problem.sharing.cycles(kind)
         for index in who:
-            phase = model.new_int_var(0, interval - 1, f"p{index}")
+            phase = model.new_int_var(0, interval - busy, f"p{index}")
             turn = model.new_int_var(0, problem.latency // interval, f"t{index}")
             model.add(points[index] == interval * turn + phase)
-            taken.append(model.new_fixed_size_interval_var(phase, 1, f"i{index}"))
+            taken.append(model.new_fixed_size_interval_var(phase, busy, f"i{index}"))
         model.add_cumulative(taken, [1] * len(taken), problem.sharing.counts[kind])

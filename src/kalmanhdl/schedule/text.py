@@ -8,7 +8,8 @@
     units
       multiply %7 %12 %30
 
-The star marks an operation on multiplier blocks. Units are operators on which several operations take turns.
+The star marks an operation on multiplier blocks. Units are operators on which several operations take turns,
+each for so many cycles where a number stands behind the kind: ``divide:17``.
 """
 
 import re
@@ -38,8 +39,12 @@ def print_plan(plan: Plan) -> str:
         f"{plan.start[k]:5d} {plan.registers[k]:2d} {'*' if k in plan.on_multiplier_block else ' '} {line}"
         for k, line in enumerate(lines[:count])
     ]
-    units = [f"  {unit.kind} {' '.join(f'%{index}' for index in unit.operations)}" for unit in plan.units]
+    units = [f"  {_kind(unit)} {' '.join(f'%{index}' for index in unit.operations)}" for unit in plan.units]
     return "\n".join((*header, heading, *placed, *lines[count:], *(["units", *units] if units else [])))
+
+
+def _kind(unit: Unit) -> str:
+    return unit.kind if unit.busy == 1 else f"{unit.kind}:{unit.busy}"
 
 
 def parse_plan(text: str) -> Plan:
@@ -87,11 +92,13 @@ def parse_plan(text: str) -> Plan:
 def _parse_units(text: str, first: int, count: int) -> tuple[Unit, ...]:
     found = []
     for number, line in enumerate(text.split("\n") if text else [], start=first):
-        kind, *names = line.split()
+        word, *names = line.split()
+        kind, colon, busy = word.partition(":")
         indices = [int(name[1:]) for name in names if re.fullmatch(r"%\d+", name)]
-        if kind not in KINDS or not indices or len(indices) < len(names) or max(indices) >= count:
+        known = kind in KINDS and (not colon or busy.isdecimal())
+        if not known or not indices or len(indices) < len(names) or max(indices) >= count:
             raise misread(number, line, "a kind and the operations that share it, 'multiply %3 %5'")
-        found.append(Unit(kind=kind, operations=tuple(indices)))
+        found.append(Unit(kind=kind, operations=tuple(indices), busy=int(busy or 1)))
     return tuple(found)
 
 

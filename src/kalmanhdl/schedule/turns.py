@@ -39,7 +39,10 @@ def in_turn(
     kinds, loops, least = sharing.kind(), _loops(pace), _least(pace)
     reads = {read: 0 for read, _ in loops}
     for _ in range(_MOVES):
-        starts, times = _placed(pace, sharing.counts, kinds, interval, reads, priority)
+        placed = _placed(pace, sharing, kinds, interval, reads, priority)
+        if placed is None:
+            return None
+        starts, times = placed
         stored = {read: (times[root] >> CYCLE_BITS) + least for read, root in loops}
         distance = max((after - reads[read] for read, after in stored.items()), default=least)
         if longest is None or distance <= longest:
@@ -90,12 +93,14 @@ def _least(pace: Pace) -> int:
 
 def _placed(
     pace: Pace,
-    counts: Mapping[str, int],
+    sharing: Sharing,
     kinds: Mapping[int, str],
     interval: int,
     reads: Mapping[int, int],
     priority: list[int],
-) -> tuple[list[int], list[int]]:
+) -> tuple[list[int], list[int]] | None:
+    """Start cycles and times; None where iterative operators have no place for an operation any more."""
+    counts = sharing.counts
     operations, reading, budget = pace.step.graph.operations, pace.step.operands, pace.budget
     registers, lasts, tails = pace.registers, pace.lasts, pace.step.tails
     starts, times = [0] * len(operations), [0] * len(operations)
@@ -110,11 +115,29 @@ def _placed(
             continue
         cycle = (ready >> CYCLE_BITS) + (ready & OFFSET_MASK > 0)
         used, count = taken[kind], counts[kind]
-        while used[cycle % interval] >= count:
-            cycle += 1
-        used[cycle % interval] += 1
+        if kind in sharing.busy:
+            found = _free(used, count, sharing.busy[kind], cycle)
+            if found is None:
+                return None
+            cycle = found
+        else:
+            while used[cycle % interval] >= count:
+                cycle += 1
+            used[cycle % interval] += 1
         starts[index], times[index] = cycle, ((cycle + registers[index]) << CYCLE_BITS) + lasts[index]
     return starts, times
+
+
+def _free(used: list[int], count: int, busy: int, cycle: int) -> int | None:
+    """The first cycle from one on in which an operator is free for so long, which is then taken."""
+    interval = len(used)
+    for start in range(cycle, cycle + interval):
+        phase = start % interval
+        if phase + busy <= interval and max(used[phase : phase + busy]) < count:
+            for k in range(phase, phase + busy):
+                used[k] += 1
+            return start
+    return None
 
 
 def priorities(pace: Pace, count: int) -> Iterator[list[int]]:

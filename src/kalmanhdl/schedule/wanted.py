@@ -17,7 +17,8 @@ class Wanted:
     ``units`` limits the operators of a kind, whose operations then take turns. Without it an interval of more
     than one cycle, or a ``latency`` that is allowed, is met with few operators; else there are as many as
     operations. Where a list schedule of theirs misses its bounds a solver looks for a better one for
-    ``solver_seconds``, which it counts the same on any machine.
+    ``solver_seconds``, which it counts the same on any machine. Those of ``iterative``
+    kinds work for several cycles on one operation.
     """
 
     interval: int | None = None
@@ -26,4 +27,5 @@ class Wanted:
     multiplier_blocks: int | None = None
     units: Mapping[str, int] | None = None
     latency: int | None = None
+    iterative: tuple[str, ...] = ()
     solver_seconds: float = SOLVER_SECONDS
