@@ -49,5 +49,5 @@ def test_the_first_difference_is_named(core, rtl, machine):
     words = [encode(build(Opcode.READ, 3, 3)), encode(build(Opcode.ADD_33, 3, 3, 5))]
     compare(core, rtl, machine, words, Peripherals(tokens=[3]), 2)
     machine.data[3][0] = 1
-    with pytest.raises(VerificationError, match=r"instruction 1, ADD_33 .*values written is \[0, 0"):
+    with pytest.raises(VerificationError, match=r"clock 15, ADD_33 .*values written is \[0, 0"):
         compare(core, rtl, machine, words, Peripherals(tokens=[3]), 2)

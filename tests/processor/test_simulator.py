@@ -145,7 +145,7 @@ def test_the_handshakes_move_as_the_paper_has_them():
     seen = []
     for _ in range(5):
         made.retire()
-        seen.append((made.acknowledge, made.ready, made.data_out))
+        seen.append((made.time.acknowledge, made.time.ready, made.time.data_out))
     assert seen == [
         (True, False, 0),
         (False, False, 0),

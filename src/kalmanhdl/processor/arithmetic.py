@@ -24,11 +24,13 @@ MINORS = tuple(
 """The elements of every cofactor of a 3 by 3 matrix: first times second less third times fourth."""
 
 
-def compute(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], bool]:
+def compute(
+    instruction: Instruction, a: Matrix, b: Matrix, core: Core, c: Matrix = ()
+) -> tuple[list[int], bool]:
     """The raw elements that an instruction writes, and whether any of them did not fit.
 
-    ``a`` and ``b`` are the matrices at its first and second argument. A vector stands in the first row: its
-    elements are 0 to N - 1. A number is element 0.
+    ``a`` and ``b`` are the matrices at its first and second argument, ``c`` the one at its third, which those
+    that accumulate need. A vector stands in the first row: its elements are 0 to N - 1. A number is element 0.
     """
     if instruction.opcode is Opcode.RECIP:
         # The divisors of a filter are variances: of what is not positive the result is that of zero.
@@ -38,7 +40,7 @@ def compute(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple
     moved = _moved(instruction, a, core)
     if moved is not None:
         return moved, False
-    values, times = _exact(instruction, a, b, core)
+    values, times = _exact(instruction, a, b, c, core)
     fraction = times * core.form.fraction
     found = [quantise(value, fraction, core.form, core.rounding, core.overflow) for value in values]
     return [raw for raw, _ in found], any(outside for _, outside in found)
@@ -59,7 +61,7 @@ def _moved(instruction: Instruction, a: Matrix, core: Core) -> list[int] | None:
             return None
 
 
-def _exact(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[list[int], int]:
+def _exact(instruction: Instruction, a: Matrix, b: Matrix, c: Matrix, core: Core) -> tuple[list[int], int]:
     """The exact elements of a result, and by how many times the format's fraction they have."""
     n = core.size
     match instruction.opcode:
@@ -69,6 +71,15 @@ def _exact(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[
             return [x - y for x, y in zip(a, b, strict=True)], 1
         case Opcode.MULT_31:
             return [_dot(a[i : i + n], b[:n]) for i in range(0, n * n, n)], 2
+        case Opcode.MADD_31 | Opcode.MSUB_31:
+            sign = -1 if instruction.opcode is Opcode.MSUB_31 else 1
+            rows = range(n)
+            return [_shifted(c[i], core) + sign * _dot(a[n * i : n * i + n], b[:n]) for i in rows], 2
+        case Opcode.SYMADD_33 | Opcode.SYMSUB_33:
+            sign = -1 if instruction.opcode is Opcode.SYMSUB_33 else 1
+            products = _product(a, _transposed(b, n), n)
+            upper = [_shifted(c[e], core) + sign * products[e] for e in range(n * n)]
+            return [upper[min(e, e % n * n + e // n)] for e in range(n * n)], 2
         case Opcode.MULT_33:
             return _product(a, b, n), 2
         case Opcode.MULT_33T:
@@ -89,6 +100,11 @@ def _exact(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> tuple[
 def _product(a: Matrix, b: Matrix, n: int) -> list[int]:
     columns = [b[j::n] for j in range(n)]
     return [_dot(a[i : i + n], column) for i in range(0, n * n, n) for column in columns]
+
+
+def _shifted(number: int, core: Core) -> int:
+    """A number with the fraction of a product."""
+    return number << core.form.fraction
 
 
 def _dot(a: Matrix, b: Matrix) -> int:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.instructions import ARGUMENT_BITS, EXTENSION, Instruction, Kind, Opcode, decode
+from kalmanhdl.processor.instructions import ARGUMENT_BITS, EXTENSION, VECTORS, Instruction, Kind, Opcode, decode
 
 CLOCKS_PER_INSTRUCTION = 8
 """First fetch, second fetch, execute, write back: two clocks each (bhatia2012, figure 17)."""
@@ -28,7 +28,9 @@ class Core:
 
     Every element of a result is computed exactly and brought into the format once, with this rounding and
     overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store. An
-    ``extended`` core has more instructions than the paper's eleven.
+    ``extended`` core has more instructions than the paper's eleven. ``units`` is how many sums of N products
+    it computes in a clock, on N multipliers each: with any its instructions overlap (``timing.py``), with none
+    each takes the paper's eight clocks.
 
     Raises ProgramError for parameters outside what the words of an instruction can address.
     """
@@ -40,6 +42,7 @@ class Core:
     program_words: int = 512
     size: int = 3
     extended: bool = False
+    units: int = 0
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= _LARGEST:
@@ -50,12 +53,27 @@ class Core:
             )
         if not 0 <= self.form.fraction <= self.form.width:
             raise ProgramError(f"core: {self.form}: its point stands inside the word, 0 to {self.form.width}")
+        if not 0 <= self.units <= self.elements:
+            raise ProgramError(
+                f"core: units = {self.units}: a pipelined core computes 1 to {self.elements} elements a clock, "
+                f"on {self.size} multipliers each; 0 for eight clocks an instruction"
+            )
         for name in ("matrices", "program_words"):
             size = getattr(self, name)
             if not 2 <= size <= _MOST_ADDRESSES or size & (size - 1):
                 raise ProgramError(
                     f"core: {name} = {size}: a store has a power of two of words, 2 to {_MOST_ADDRESSES}"
                 )
+
+    @property
+    def pipelined(self) -> bool:
+        """Whether its instructions overlap."""
+        return self.units > 0
+
+    @property
+    def multipliers(self) -> int:
+        """Multipliers for the products of matrices."""
+        return self.size * (self.units or self.elements)
 
     @property
     def division(self) -> TableNewton:
@@ -197,7 +215,7 @@ def _check_loops(instructions: tuple[Instruction, ...]) -> None:
 def writes(instruction: Instruction, core: Core) -> range:
     """The elements of the destination that an instruction writes; the others stay."""
     match instruction.opcode:
-        case Opcode.MULT_31:
+        case opcode if opcode in VECTORS:
             return range(core.size)
         case Opcode.DET_33 | Opcode.RECIP | Opcode.PICK:
             return range(1)
@@ -213,6 +231,8 @@ def writes(instruction: Instruction, core: Core) -> range:
             | Opcode.COPY
             | Opcode.SCALE
             | Opcode.ADJ_33
+            | Opcode.SYMADD_33
+            | Opcode.SYMSUB_33
         ):
             return range(core.elements)
         case _:

@@ -40,6 +40,10 @@ class Opcode(Enum):
     JUMP_U = 0x14
     JUMP_DRDY = 0x15
     JUMP_ACK = 0x16
+    SYMADD_33 = 0x17
+    SYMSUB_33 = 0x18
+    MADD_31 = 0x19
+    MSUB_31 = 0x1A
 
 
 class Kind(Enum):
@@ -117,8 +121,21 @@ EXTENSION: tuple[Operation, ...] = (
     Operation(Opcode.TRANS_33, (_SOURCE, _DESTINATION)),
     Operation(Opcode.PLACE, (_SOURCE, _ELEMENT, _DESTINATION)),
     Operation(Opcode.ADJ_33, (_SOURCE, _DESTINATION)),
+    _arithmetic(Opcode.SYMADD_33),
+    _arithmetic(Opcode.SYMSUB_33),
+    _arithmetic(Opcode.MADD_31),
+    _arithmetic(Opcode.MSUB_31),
 )
 """What a filter needs beyond them, on opcodes that the paper leaves free."""
+
+ACCUMULATING = {Opcode.SYMADD_33, Opcode.SYMSUB_33, Opcode.MADD_31, Opcode.MSUB_31}
+"""The instructions whose destination is a source too."""
+
+VECTORS = {Opcode.MULT_31, Opcode.MADD_31, Opcode.MSUB_31}
+"""The products of a matrix and a vector."""
+
+SYMMETRIC = {Opcode.SYMADD_33, Opcode.SYMSUB_33}
+"""The products whose lower triangle is the mirror of the upper one."""
 
 OPERATIONS: dict[str, Operation] = {operation.opcode.name: operation for operation in (*PAPER, *EXTENSION)}
 """Every operation by its mnemonic."""

@@ -2,13 +2,16 @@
 
 Input (bhatia2012, figure 6): the peripheral raises DRDY_I with its data; the processor raises ACK_I once
 the data are stored; the peripheral drops DRDY_I. Output (figure 7): the processor raises DRDY_O with its
-data; the peripheral drops ACK_O, and raises it once it has them. Either strobe of the processor stands for
-eight clocks or more: so long has a peripheral to see it, and any time to have data or to take them.
+data; the peripheral drops ACK_O, and raises it once it has them. In the paper's mode either strobe of the
+processor stands for eight clocks or more: so long has a peripheral to see it. A pipelined core keeps a strobe up
+until it has been answered.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
+
+from kalmanhdl.processor.core import Core
 
 
 class Source(Protocol):
@@ -171,3 +174,11 @@ class HandshakingSink:
             self._wait -= 1
             return
         self.taken, self._reacting, self._wait = False, False, self.latencies[self._next]
+
+
+def bench(core: Core, tokens: Sequence[int]) -> tuple[Source, Sink]:
+    """What has every number and takes every number as soon as the core can give or take one."""
+    if core.pipelined:
+        prompt = [0] * len(tokens)
+        return HandshakingSource(tokens, prompt, prompt), HandshakingSink([0], [0])
+    return BenchSource(tokens), BenchSink()

@@ -11,6 +11,15 @@ uint64_t number(const value<Bits> &port) { return port.data[0]; }
 template <size_t Bits>
 uint64_t number(const wire<Bits> &port) { return port.curr.data[0]; }
 
+template <size_t Bits>
+bool any(const value<Bits> &port) {
+    for (auto chunk : port.data)
+        if (chunk) return true;
+    return false;
+}
+template <size_t Bits>
+bool any(const wire<Bits> &port) { return any(port.curr); }
+
 // A bench has no latencies: it knows the program, and has the next number ready at every READ.
 struct Source {
     const int64_t *tokens = nullptr, *latencies = nullptr, *reactions = nullptr;
@@ -118,6 +127,8 @@ EXPORT void simulator_destroy(Simulator *simulator) { delete simulator; }
 EXPORT int64_t simulator_load(Simulator *simulator, const uint32_t *words, int64_t count, int64_t patience) {
     Design &top = simulator->top;
     top.RESET.data[0] = 1;
+    // The peripherals of the last program are gone.
+    top.DATA_READY.data[0] = 0;
     for (int i = 0; i < 2; i++) clock(*simulator);
     top.RESET.data[0] = 0;
     simulator->cycle = 0;
@@ -147,33 +158,37 @@ EXPORT void simulator_attach(Simulator *simulator, const int64_t *tokens, const 
     simulator->sink = {sink_latencies, sink_reactions, sink_count};
 }
 
-// Runs until `instructions` have retired, or for `patience` clocks without one; returns how many did. A record
-// an instruction, of its last clock: clock, address and flags, data_out, then what it writes.
+// Runs until `instructions` have taken effect, or for `patience` clocks without one; returns how many records were
+// made. A record of every clock in which one does, or a result is stored: clock, addresses and flags, data_out, then
+// what is stored.
 EXPORT int64_t simulator_run(Simulator *simulator, uint64_t *records, int64_t instructions, int64_t patience) {
     Design &top = simulator->top;
     Source &source = simulator->source;
     Sink &sink = simulator->sink;
-    int64_t done = 0, idle = 0;
+    int64_t done = 0, idle = 0, made = 0;
     while (done < instructions && idle < patience) {
         top.DATA_READY.data[0] = source.ready;
         top.DATA_IN.data[0] = uint32_t(source.data) & value<WORD_BITS>::msb_mask;
         top.OUTPUT_TAKEN.data[0] = sink.taken;
         evaluate(top);
-        bool acknowledged = bit(top.ACKNOWLEDGE), offered = bit(top.OUTPUT_READY), retired = bit(top.RETIRED);
-        bool read = retired && number(top.OPCODE) == READ_OPCODE;
-        if (retired) {
-            uint64_t *record = records + RECORD_WORDS * done++;
+        bool acknowledged = bit(top.ACKNOWLEDGE), offered = bit(top.OUTPUT_READY), issued = bit(top.ISSUED);
+        bool read = issued && number(top.OPCODE) == READ_OPCODE;
+        bool stored = any(top.STORED);
+        if (issued || stored) {
+            uint64_t *record = records + RECORD_WORDS * made++;
             record[0] = simulator->cycle;
-            record[1] = number(top.ADDRESS) | uint64_t(acknowledged) << 16 | uint64_t(offered) << 17 |
-                        uint64_t(source.ready) << 18 | uint64_t(sink.taken) << 19 | uint64_t(bit(top.SATURATED)) << 20;
+            record[1] = number(top.ADDRESS) | number(top.MATRIX) << 16 | uint64_t(acknowledged) << 32 |
+                        uint64_t(offered) << 33 | uint64_t(source.ready) << 34 | uint64_t(sink.taken) << 35 |
+                        uint64_t(bit(top.SATURATED)) << 36 | uint64_t(issued) << 37;
             GET_RECORD(top, record)
+            done += issued;
         }
         source.clock(acknowledged);
         sink.clock(offered);
         if (read) source.read();
         top.commit();
         simulator->cycle++;
-        idle = retired ? 0 : idle + 1;
+        idle = issued ? 0 : idle + 1;
     }
-    return done;
+    return made;
 }

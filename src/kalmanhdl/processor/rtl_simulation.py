@@ -32,10 +32,10 @@ _NAMES = {
     "ACKNOWLEDGE": "ACK_I",
     "OUTPUT_READY": "DRDY_O",
     "OUTPUT_TAKEN": "ACK_O",
-    "RETIRED": "last_clock",
     "OPCODE": "opcode",
     "ADDRESS": "pc_current",
     "SATURATED": "saturated",
+    "STORED": "written_elements",
 }
 _PATIENCE = 100 * CLOCKS_PER_INSTRUCTION
 
@@ -56,16 +56,18 @@ class Peripherals:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Records:
-    """What every instruction did, in its last clock, before whose end the flags stand.
+    """The clocks in which an instruction takes effect or a result is stored, as it stands before the clock's end.
 
-    Flags: ACK_I, DRDY_O, DRDY_I, ACK_O, saturated, in columns. ``values[k, e]`` went to element e where
-    ``elements[k, e]`` holds.
+    Flags: ACK_I, DRDY_O, DRDY_I, ACK_O, saturated, in columns. The instruction at ``address`` takes effect where
+    ``issued`` holds. ``values[k, e]`` goes to element e of the matrix ``matrix[k]`` where ``elements[k, e]`` holds.
     """
 
     clock: Integers
+    issued: npt.NDArray[np.bool_]
     address: Integers
     flags: npt.NDArray[np.bool_]
     data_out: Integers
+    matrix: Integers
     elements: npt.NDArray[np.bool_]
     values: Integers
 
@@ -100,13 +102,21 @@ class RtlSimulation:
 
     def load(self, words: Sequence[int], peripherals: Peripherals) -> int:
         """A reset and a program; the clocks of the loading. Raises VerificationError where it never ends."""
+        latencies, reactions = peripherals.latencies, peripherals.reactions
+        sink_latencies, sink_reactions = peripherals.sink_latencies, peripherals.sink_reactions
+        if self._core.pipelined:
+            # The benches of ``peripherals.bench``.
+            if latencies is None:
+                latencies = reactions = [0] * len(peripherals.tokens)
+            if sink_latencies is None:
+                sink_latencies = sink_reactions = [0]
         arrays = [
             np.array(given, np.int64) if given is not None else None
-            for given in (peripherals.tokens, peripherals.latencies, peripherals.reactions)
+            for given in (peripherals.tokens, latencies, reactions)
         ]
         sinks = [
             np.array(given, np.int64) if given is not None else None
-            for given in (peripherals.sink_latencies, peripherals.sink_reactions)
+            for given in (sink_latencies, sink_reactions)
         ]
         # The harness reads them while it runs.
         self._kept = [array for array in (*arrays, *sinks) if array is not None]
@@ -124,29 +134,35 @@ class RtlSimulation:
             *map(_pointer, arrays),
             ctypes.c_int64(len(peripherals.tokens)),
             *map(_pointer, sinks),
-            ctypes.c_int64(len(peripherals.sink_latencies or ())),
+            ctypes.c_int64(len(sink_latencies or ())),
         )
         return clocks
 
     def run(self, instructions: int) -> Records:
         """So many instructions. Raises VerificationError where none ends for long."""
         core = self._core
-        words = np.zeros((instructions, _record_words(core)), np.uint64)
-        done: int = self._library.simulator_run(
+        # No instruction stores more than one result.
+        words = np.zeros((2 * instructions, _record_words(core)), np.uint64)
+        count: int = self._library.simulator_run(
             self._instance,
             ctypes.c_void_p(words.ctypes.data),
             ctypes.c_int64(instructions),
             ctypes.c_int64(_PATIENCE),
         )
+        words = words[:count]
+        flags = words[:, 1]
+        bits = np.stack([flags >> np.uint64(32 + k) & np.uint64(1) for k in range(6)], axis=1) == 1
+        done = int(bits[:, 5].sum())
         if done < instructions:
             raise VerificationError(f"the processor is stuck: {done} of {instructions} instructions ended")
-        flags = words[:, 1]
         after = 3 + _words(core.elements)
         return Records(
             clock=words[:, 0].astype(np.int64),
+            issued=bits[:, 5],
             address=(flags & np.uint64(0xFFFF)).astype(np.int64),
-            flags=np.stack([flags >> np.uint64(16 + k) & np.uint64(1) for k in range(5)], axis=1) == 1,
+            flags=bits[:, :5],
             data_out=_numbers(words[:, 2:3], 1, core.form.width)[:, 0],
+            matrix=(flags >> np.uint64(16) & np.uint64(0xFFFF)).astype(np.int64),
             elements=_numbers(words[:, 3:after], core.elements, 1) != 0,
             values=_numbers(words[:, after:], core.elements, core.form.width),
         )
@@ -170,7 +186,10 @@ def _numbers(words: npt.NDArray[np.uint64], count: int, width: int) -> Integers:
 
 
 def _library(core: Core, verilog: str, *, optimised: bool) -> Path:
-    lines = [f"#define {word} {mangled(name)}" for word, name in _NAMES.items()]
+    own = {"ISSUED": "issued", "MATRIX": "written_matrix"}
+    if not core.pipelined:
+        own = {"ISSUED": "last_clock", "MATRIX": "argument_3"}
+    lines = [f"#define {word} {mangled(name)}" for word, name in {**_NAMES, **own}.items()]
     lines += [f"#define CLOCK_BEFORE prev_{mangled('clk')}", f"#define TOP {mangled(TOP)}"]
     lines += [f"#define WORD_BITS {core.form.width}", f"#define READ_OPCODE {Opcode.READ.value}"]
     lines += [f"#define RECORD_WORDS {_record_words(core)}"]

@@ -1,36 +1,19 @@
-"""The instruction-set simulator: what every instruction does, and at which clock."""
+"""The instruction-set simulator: what every instruction does; ``clocks.py`` says at which clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from kalmanhdl.errors import ProgramError
 from kalmanhdl.processor.arithmetic import compute
-from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core, checked, writes
+from kalmanhdl.processor.clocks import Clocks, Retired, Seen, clocks_of
+from kalmanhdl.processor.core import Core, checked, writes
 from kalmanhdl.processor.instructions import Instruction, Opcode
 from kalmanhdl.processor.peripherals import Sink, Source
 
 
-@dataclass(frozen=True, slots=True)
-class Retired:
-    """An instruction at its last clock, and what it has done by the next one.
-
-    ``clock`` counts from the first clock of the first instruction. ``values`` went to the elements
-    ``elements`` of the matrix ``matrix``. ``saturated``: a result did not fit the format. ``sent``: what a
-    WRITE put out.
-    """
-
-    clock: int
-    address: int
-    instruction: Instruction
-    matrix: int = 0
-    elements: range = range(0)
-    values: tuple[int, ...] = ()
-    saturated: bool = False
-    sent: int | None = None
-
-
 @dataclass(slots=True)
 class Machine:
-    """A core while it runs: its stores, its program counter and its handshakes.
+    """A core while it runs: its stores, its program counter and its time.
 
     The data store lasts from program to program. It starts with zeros.
     """
@@ -38,22 +21,17 @@ class Machine:
     core: Core
     source: Source
     sink: Sink
-    clock: int = 0
     address: int = 0
-    acknowledge: bool = False
-    """ACK_I."""
-    ready: bool = False
-    """DRDY_O."""
-    data_out: int = 0
     saturated: bool = False
     """Whether any result since the reset did not fit."""
     data: list[list[int]] = field(init=False)
+    time: Clocks = field(init=False)
     _program: list[Instruction] = field(init=False)
-    _waited_for: tuple[bool, bool] = (False, False)
     _loops: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.data = [[0] * self.core.elements for _ in range(self.core.matrices)]
+        self.time = clocks_of(self.core)
         self.load(())
 
     def load(self, words: tuple[int, ...]) -> None:
@@ -64,66 +42,77 @@ class Machine:
         instructions = checked(words, self.core)
         rest = self.core.program_words - len(instructions)
         self._program = [*instructions, *[Instruction(Opcode.NOP)] * rest]
-        self.clock = self.address = self.data_out = 0
-        self.acknowledge = self.ready = self.saturated = False
+        for lost in self.time.reset():
+            self.data[lost.matrix][lost.elements.start : lost.elements.stop] = lost.before
+        self.address = 0
+        self.saturated = False
         self._loops = []
+
+    @property
+    def clock(self) -> int:
+        """Clocks since the core runs."""
+        return self.time.clock
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether nothing more will ever be read."""
+        return self.time.exhausted(self.source)
 
     @property
     def next_instruction(self) -> Instruction:
         """What ``retire`` will do."""
         return self._program[self.address]
 
-    def settle(self) -> None:
-        """Live through the clocks of the next instruction up to its last one, if that has not been done.
-
-        The jumps look at their signals in the clock before.
-        """
-        left = CLOCKS_PER_INSTRUCTION - 1 - self.clock % CLOCKS_PER_INSTRUCTION
-        if left:
-            self._pass(left - 1)
-            self._waited_for = self.source.ready, self.sink.taken
-            self._pass(1)
+    def settle(self) -> bool:
+        """Live up to the clock in which the next instruction takes effect; whether it ever will."""
+        return self.time.reach(self.next_instruction, self.source, self.sink)
 
     def retire(self) -> Retired:
-        """One instruction, to the end of its last clock."""
-        self.settle()
+        """One instruction, to the end of the clock in which it takes effect.
+
+        Raises ProgramError for a READ that waits for what never comes.
+        """
+        if not self.settle():
+            raise ProgramError(f"address {self.address}: READ: the input is exhausted")
+        seen = self.time.seen(self.source)
         instruction = self.next_instruction
-        (input_ready, output_taken), data_in = self._waited_for, self.source.data
-        acknowledge, ready = self.acknowledge, self.ready
-        self._pass(1)
-        at = self.clock - 1, self.address
-        following = (self.address + 1) % self.core.program_words
-        done = Retired(*at, instruction)
+        at = self.clock, self.address
+        target = self._target(instruction, seen)
         first, second, third = instruction.arguments
         match instruction.opcode:
-            case Opcode.NOP:
-                pass
+            case Opcode.READ:
+                done = self._stored(at, instruction, [seen.data_in], outside=False)
+            case Opcode.WRITE:
+                done = Retired(*at, instruction, sent=self.data[first][second])
+            case _ if writes(instruction, self.core):
+                # The second argument of some is an element or an exponent.
+                a, b, c = self.data[first], self.data[second % self.core.matrices], self.data[third]
+                done = self._stored(at, instruction, *compute(instruction, a, b, self.core, c))
+            case _:
+                done = Retired(*at, instruction, jumped=target is not None)
+        self.address = (self.address + 1) % self.core.program_words if target is None else target
+        self.time.leave(done, self.source, self.sink)
+        return done
+
+    def _target(self, instruction: Instruction, seen: Seen) -> int | None:
+        """Where it goes, if not to the next address; loops are begun and ended."""
+        first = instruction.arguments[0]
+        match instruction.opcode:
             case Opcode.HALT:
-                following = self.address
+                return self.address
             case Opcode.JUMP_U:
-                following = first
+                return first
+            case Opcode.JUMP_DRDY:
+                return None if seen.input_ready else first
+            case Opcode.JUMP_ACK:
+                return None if seen.output_taken else first
+            case Opcode.NEXT:
+                return first if self._another() else None
             case Opcode.LOOP:
                 self._loops.append(first)
-            case Opcode.NEXT:
-                following = first if self._another() else following
-            case Opcode.JUMP_DRDY:
-                acknowledge = False
-                following = following if input_ready else first
-            case Opcode.JUMP_ACK:
-                ready = False
-                following = following if output_taken else first
-            case Opcode.READ:
-                acknowledge = True
-                self.data[third][second] = data_in
-                self.source.read()
-                done = Retired(*at, instruction, third, range(second, second + 1), (data_in,))
-            case Opcode.WRITE:
-                ready, self.data_out = True, self.data[first][second]
-                done = Retired(*at, instruction, sent=self.data_out)
+                return None
             case _:
-                done = self._computed(at, instruction)
-        self.acknowledge, self.ready, self.address = acknowledge, ready, following
-        return done
+                return None
 
     def _another(self) -> bool:
         """Whether the innermost loop is passed once more; it is left otherwise."""
@@ -133,20 +122,15 @@ class Machine:
         self._loops.pop()
         return False
 
-    def _pass(self, clocks: int) -> None:
-        self.source.advance(self.acknowledge, clocks)
-        self.sink.advance(self.ready, clocks)
-        self.clock += clocks
-
-    def _computed(self, at: tuple[int, int], instruction: Instruction) -> Retired:
-        first, second, third = instruction.arguments
-        # The second argument of some is an element or an exponent.
-        a, b = self.data[first], self.data[second % self.core.matrices]
-        values, outside = compute(instruction, a, b, self.core)
-        elements = writes(instruction, self.core)
-        self.data[third][elements.start : elements.stop] = values
+    def _stored(
+        self, at: tuple[int, int], instruction: Instruction, values: list[int], outside: bool
+    ) -> Retired:
+        elements, matrix = writes(instruction, self.core), instruction.arguments[2]
+        place = slice(elements.start, elements.stop)
+        before = tuple(self.data[matrix][place])
+        self.data[matrix][place] = values
         self.saturated |= outside
-        return Retired(*at, instruction, third, elements, tuple(values), outside)
+        return Retired(*at, instruction, matrix, elements, tuple(values), before, outside)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +155,14 @@ def run(
     sent: list[int] = []
     for count in range(most):
         waiting = machine.next_instruction.opcode in (Opcode.READ, Opcode.JUMP_DRDY)
-        if waiting and machine.source.exhausted:
+        if waiting and machine.exhausted:
             return Run("the input is exhausted", count, tuple(sent))
         if machine.next_instruction.opcode is Opcode.HALT:
             return Run(f"halted at address {machine.address}", count, tuple(sent))
         if machine.address in stops and count:
             return Run(f"stopped at address {machine.address}", count, tuple(sent))
+        if not machine.settle():
+            return Run("the input is exhausted", count, tuple(sent))
         done = machine.retire()
         if done.sent is not None:
             sent.append(done.sent)

@@ -1,10 +1,11 @@
 """What a run says of itself: every instruction with its operands and results as real numbers."""
 
+from kalmanhdl.processor.clocks import Retired
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.disassembler import text_of
 from kalmanhdl.processor.instructions import Kind, Opcode, encode
 from kalmanhdl.processor.program import Program
-from kalmanhdl.processor.simulator import Machine, Retired
+from kalmanhdl.processor.simulator import Machine
 
 
 def trace_line(done: Retired, machine: Machine, program: Program) -> str:

@@ -12,11 +12,14 @@ def core_verilog(core: Core) -> str:
     """The Verilog text of a core: the same for equal cores. Raises ToolError."""
     # Amaranth takes long to import; who only assembles does not need it.
     from kalmanhdl.processor.hardware.controller import Controller
+    from kalmanhdl.processor.hardware.pipelined_controller import PipelinedController
     from kalmanhdl.rtl.verilog import to_rtlil
 
     header = (
         f"{TOP}: a programmable matrix processor made by kalmanhdl {__version__}\n"
         f"{core.size} by {core.size} matrices of {core.form}, {core.rounding.value}, {core.overflow.value}; "
-        f"{core.matrices} matrices, {core.program_words} words of program.\n"
+        f"{core.matrices} matrices, {core.program_words} words of program; "
+        f"{'pipelined' if core.pipelined else 'eight clocks an instruction'}, {core.multipliers} multipliers.\n"
     )
-    return rtlil_to_verilog(to_rtlil(Controller(core), TOP), TOP, header)
+    controller = PipelinedController(core) if core.pipelined else Controller(core)
+    return rtlil_to_verilog(to_rtlil(controller, TOP), TOP, header)

@@ -81,7 +81,7 @@ class Engine:
             case Computed() as node:
                 instruction = instruction_of(node, [0] * len(node.sources), 0)
                 sources = [values[source] for source in node.sources]
-                found, outside = compute(instruction, sources[0], sources[-1], self.core)
+                found, outside = compute(instruction, sources[0], sources[min(1, len(sources) - 1)], self.core, sources[-1])
                 self.saturated |= outside
                 written = writes(instruction, self.core)
                 result[written.start : written.stop] = found

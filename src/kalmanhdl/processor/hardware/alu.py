@@ -1,6 +1,6 @@
 """The arithmetic unit: every element of a result is exact, then rounded and clamped once."""
 
-from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
+from amaranth.hdl import Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.data import ArrayLayout
 from amaranth.lib.wiring import In, Out
@@ -8,9 +8,18 @@ from amaranth.lib.wiring import In, Out
 from kalmanhdl.arithmetic.division_structure import Operand
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.arithmetic import MINORS
-from kalmanhdl.processor.core import Core, writes
+from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.hardware.decoding import is_one_of, written
 from kalmanhdl.processor.hardware.layouts import matrix_layout
-from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Instruction, Opcode
+from kalmanhdl.processor.hardware.operands import second_operands
+from kalmanhdl.processor.instructions import (
+    ACCUMULATING,
+    ARGUMENT_BITS,
+    OPCODE_BITS,
+    SYMMETRIC,
+    VECTORS,
+    Opcode,
+)
 from kalmanhdl.rtl.quantiser import quantised
 from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
 from kalmanhdl.rtl.shapes import fitted
@@ -104,7 +113,7 @@ class Alu(wiring.Component):
     """The result of an instruction from its operands.
 
     ``a`` is there from the third clock of the instruction on, ``fetched``, the second source as it comes
-    from the store, in the fourth, at whose end ``take_b`` keeps it. ``chosen`` is the element of ``a`` that
+    from the store, in the fourth, at whose end ``take_b`` keeps it; from the sixth on it is the destination. ``chosen`` is the element of ``a`` that
     the instruction names. ``result`` stands in the eighth, and ``outside``: an element that the instruction
     writes did not fit.
     """
@@ -130,8 +139,9 @@ class Alu(wiring.Component):
         m.submodules.products = products = ProductSums(core)
         m.submodules.sum = total = MatrixSum(core)
         b = Signal(matrix_layout(core), reset_less=True)
+        operands = second_operands(m, core, self.opcode, self.exponent, self.fetched)
         with m.If(self.take_b):
-            m.d.sync += [b[e].eq(self._second_operand(m, e)) for e in range(core.elements)]
+            m.d.sync += [b[e].eq(operand) for e, operand in enumerate(operands)]
         m.d.comb += [products.a.eq(self.a), products.b.eq(b), total.a.eq(self.a), total.b.eq(b)]
         m.d.comb += total.subtract.eq(self._is(Opcode.SUB_33))
         exact = [self._exact(e, products, total) for e in range(core.elements)]
@@ -151,42 +161,30 @@ class Alu(wiring.Component):
         m.d.comb += self.outside.eq(flags.any())
         return m
 
-    def _second_operand(self, m: Module, element: int) -> Value:
-        """What the products take of the second source, so that every product is that of two matrices.
-
-        Of a vector, in the first row, the first column; of a number, and of a power of two, the diagonal.
-        """
-        core = self._core
-        row, column = divmod(element, core.size)
-        on_diagonal = row == column
-        value = Mux(
-            self._is(Opcode.MULT_3S), self.fetched[0] if on_diagonal else Const(0), self.fetched[element]
-        )
-        if core.extended:
-            value = Mux(self._is(Opcode.MULT_33T), self.fetched[core.size * column + row], value)
-            value = Mux(self._is(Opcode.SCALE), self._power(m) if on_diagonal else Const(0), value)
-        return Mux(self._is(Opcode.MULT_31), self.fetched[row], value) if column == 0 else value
-
-    def _power(self, m: Module) -> Value:
-        """Two to the power of the exponent, as a number of the format."""
-        power = Signal(signed(self._core.form.width), name="power")
-        with m.Switch(self.exponent):
-            for exponent in self._core.exponents:
-                with m.Case(exponent):
-                    m.d.comb += power.eq(1 << exponent + self._core.form.fraction)
-        return power
-
     def _exact(self, element: int, products: ProductSums, total: MatrixSum) -> Value:
         row, column = divmod(element, self._core.size)
         product: Value = products.sums[element]
         if row == 0 and column:
             # A vector comes out as a column and is kept as a row.
-            product = Mux(self._is(Opcode.MULT_31), products.sums[self._core.size * column], product)
+            product = Mux(self._is(*VECTORS), products.sums[self._core.size * column], product)
+        if self._core.extended:
+            product = self._accumulated(element, products, product)
         aligned = total.sums[element].shift_left(self._core.form.fraction)
         sums = self._is(Opcode.ADD_33)
         if self._core.extended:
             sums = sums | self._is(Opcode.SUB_33)
         return Mux(sums, aligned, product)
+
+    def _accumulated(self, element: int, products: ProductSums, product: Value) -> Value:
+        """With the destination, which is what is fetched in the seventh clock."""
+        n = self._core.size
+        mirror = min(element, element % n * n + element // n)
+        symmetric = self._is(*SYMMETRIC)
+        if mirror != element:
+            product = Mux(symmetric, products.sums[mirror], product)
+        kept = Mux(symmetric, self.fetched[mirror], self.fetched[element]).shift_left(self._core.form.fraction)
+        change = Mux(self._is(Opcode.SYMSUB_33, Opcode.MSUB_31), -product, product)
+        return Mux(self._is(*ACCUMULATING), kept + change, product)
 
     def _add_cofactors(
         self, m: Module, exact: list[Value], firsts: list[tuple[Opcode, tuple[Value, Value]]]
@@ -234,18 +232,5 @@ class Alu(wiring.Component):
         core = self._core
         return quantised(value, times * core.form.fraction, core.form, core.rounding, core.overflow)
 
-    def _is(self, opcode: Opcode) -> Value:
-        return self.opcode == opcode.value
-
-
-def written(core: Core, opcode: Value, element: int) -> Value:
-    """Whether an instruction writes an element, whichever element it names."""
-    found: Value = Const(0)
-    for each in Opcode:
-        if core.has(each) and element in writes(Instruction(each), core) and each not in NAMING:
-            found = found | (opcode == each.value)
-    return found
-
-
-NAMING = (Opcode.READ, Opcode.PLACE)
-"""The instructions that write the element that they name."""
+    def _is(self, *opcodes: Opcode) -> Value:
+        return is_one_of(self.opcode, self._core, opcodes)

@@ -1,12 +1,11 @@
 """The branch unit: the clock of the instruction, and which instruction is next."""
 
-from itertools import pairwise
-
 from amaranth.hdl import Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, LOOPS, Core
+from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.hardware.loop_stack import loop_stack
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
 
 
@@ -46,7 +45,9 @@ class BranchUnit(wiring.Component):
             self.last_clock.eq(self.running & (clock == last)),
         ]
         m.d.sync += clock.eq(clock + self.running)
-        again = self._again(m) if self._core.extended else Const(0)
+        again: Value = Const(0)
+        if self._core.extended:
+            again = loop_stack(m, self.last_clock, self.opcode, self.target)
         jumps = Signal()
         with m.Switch(self.opcode):
             with m.Case(Opcode.JUMP_U.value):
@@ -71,18 +72,3 @@ class BranchUnit(wiring.Component):
         with m.If(self.last_clock):
             m.d.sync += self.pc_current.eq(following)
         return m
-
-    def _again(self, m: Module) -> Value:
-        """The stack of loops; whether the innermost one is passed once more."""
-        counts = [Signal(ARGUMENT_BITS, name=f"count_{depth}") for depth in range(LOOPS)]
-        again = counts[0] != 1
-        with m.If(self.last_clock), m.Switch(self.opcode):
-            with m.Case(Opcode.LOOP.value):
-                m.d.sync += [counts[0].eq(self.target)]
-                m.d.sync += [outer.eq(inner) for inner, outer in pairwise(counts)]
-            with m.Case(Opcode.NEXT.value):
-                with m.If(again):
-                    m.d.sync += counts[0].eq(counts[0] - 1)
-                with m.Else():
-                    m.d.sync += [inner.eq(outer) for inner, outer in pairwise(counts)]
-        return again

@@ -1,13 +1,14 @@
 """The controller: loader, control store, branch unit, I/O unit, data store and arithmetic unit together."""
 
-from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.hardware.alu import NAMING, Alu, written
+from kalmanhdl.processor.hardware.alu import Alu
 from kalmanhdl.processor.hardware.branch_unit import BranchUnit
 from kalmanhdl.processor.hardware.control_store import ControlStore
+from kalmanhdl.processor.hardware.decoding import stores
 from kalmanhdl.processor.hardware.data_store import DataStore
 from kalmanhdl.processor.hardware.io_unit import IoUnit
 from kalmanhdl.processor.hardware.layouts import matrix_layout
@@ -66,20 +67,22 @@ class Controller(wiring.Component):
         a = Signal(matrix_layout(self._core), reset_less=True)
         fetch, second = branch.what_branch, branch.second_clock
         with m.If((fetch == 0) & second):
-            m.d.sync += a.eq(data.read)
+            m.d.sync += a.eq(data.read[0])
         chosen = self._exchange(m, branch, a)
         alu = Alu(self._core)
         m.submodules.alu = alu
         m.d.comb += [alu.chosen.eq(chosen), alu.exponent.eq(self.argument_2)]
-        m.d.comb += [alu.opcode.eq(self.opcode), alu.a.eq(a), alu.fetched.eq(data.read)]
+        m.d.comb += [alu.opcode.eq(self.opcode), alu.a.eq(a), alu.fetched.eq(data.read[0])]
         m.d.comb += alu.take_b.eq((fetch == 1) & second)
+        address = data.addresses[0]
+        m.d.comb += data.write_address.eq(address)
         with m.Switch(fetch):
             with m.Case(0):
-                m.d.comb += data.address.eq(self.argument_1)
+                m.d.comb += address.eq(self.argument_1)
             with m.Case(1):
-                m.d.comb += data.address.eq(self.argument_2)
+                m.d.comb += address.eq(self.argument_2)
             with m.Default():
-                m.d.comb += data.address.eq(self.argument_3)
+                m.d.comb += address.eq(self.argument_3)
         self._write_back(m, data, alu)
         return m
 
@@ -130,8 +133,7 @@ class Controller(wiring.Component):
     def _write_back(self, m: Module, data: DataStore, alu: Alu) -> None:
         reads = self.opcode == Opcode.READ.value
         for element in range(self._core.elements):
-            named = (self.argument_2 == element) & self._names_element()
-            chosen = named | written(self._core, self.opcode, element)
+            chosen = stores(self._core, self.opcode, self.argument_2, element)
             m.d.comb += [
                 self.written_elements[element].eq(self.last_clock & chosen),
                 self.written[element].eq(Mux(reads, self.data_in, alu.result[element])),
@@ -139,10 +141,3 @@ class Controller(wiring.Component):
         m.d.comb += [data.enable.eq(self.written_elements), data.written.eq(self.written)]
         with m.If(self.last_clock):
             m.d.sync += self.saturated.eq(self.saturated | alu.outside)
-
-    def _names_element(self) -> Value:
-        found: Value = Const(0)
-        for each in NAMING:
-            if self._core.has(each):
-                found = found | (self.opcode == each.value)
-        return found

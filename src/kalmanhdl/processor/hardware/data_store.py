@@ -1,4 +1,4 @@
-"""The data store: a bank of memory for every element of a matrix, all driven by one address."""
+"""The data store: a bank of memory for every element of a matrix, all driven by the same addresses."""
 
 from amaranth.hdl import Module
 from amaranth.lib import wiring
@@ -10,16 +10,21 @@ from kalmanhdl.processor.hardware.layouts import bank_name, matrix_layout
 
 
 class DataStore(wiring.Component):
-    """``read`` is the matrix at the ``address`` of the clock before; ``enable`` has a bit for every bank."""
+    """``read[k]`` is the matrix at ``addresses[k]`` of the clock before, with what was stored in that clock.
 
-    def __init__(self, core: Core) -> None:
-        self._core = core
+    ``enable`` has a bit for every bank. With one read the address for writing is the same, and what is stored
+    is read a clock later.
+    """
+
+    def __init__(self, core: Core, reads: int = 1) -> None:
+        self._core, self._reads = core, reads
         super().__init__(
             {
-                "address": In(core.address_bits),
+                "addresses": In(core.address_bits).array(reads),
+                "write_address": In(core.address_bits),
                 "enable": In(core.elements),
                 "written": In(matrix_layout(core)),
-                "read": Out(matrix_layout(core)),
+                "read": Out(matrix_layout(core)).array(reads),
             }
         )
 
@@ -29,12 +34,14 @@ class DataStore(wiring.Component):
         for element in range(self._core.elements):
             bank = Memory(shape=shape, depth=self._core.matrices, init=[])
             m.submodules[bank_name(self._core, element)] = bank
-            write, read = bank.write_port(), bank.read_port()
+            write = bank.write_port()
             m.d.comb += [
-                write.addr.eq(self.address),
+                write.addr.eq(self.write_address),
                 write.data.eq(self.written[element]),
                 write.en.eq(self.enable[element]),
-                read.addr.eq(self.address),
-                self.read[element].eq(read.data),
             ]
+            through = [write] if self._reads > 1 else []
+            for address, found in zip(self.addresses, self.read, strict=True):
+                read = bank.read_port(transparent_for=through)
+                m.d.comb += [read.addr.eq(address), found[element].eq(read.data)]
         return m
