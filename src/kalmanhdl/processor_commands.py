@@ -1,7 +1,6 @@
 """The commands of the programmable processor: parse, call, print."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,9 +11,10 @@ from kalmanhdl.errors import DataError, OutputError, ProgramError
 
 if TYPE_CHECKING:
     from kalmanhdl.model.model import Array, Model
+    from kalmanhdl.processor.clocks import Retired
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.program import Program
-    from kalmanhdl.processor.simulator import Machine, Retired
+    from kalmanhdl.processor.simulator import Machine
 
 _MOST = 1_000_000_000
 _Program = Annotated[
@@ -24,6 +24,10 @@ _Width = Annotated[int, typer.Option(help="Bits of a number, 8 to 32.")]
 _Fraction = Annotated[int, typer.Option(help="Bits of a number behind the point.")]
 _Rounding = Annotated[str, typer.Option(help="floor, half_up, half_even or toward_zero.")]
 _Overflow = Annotated[str, typer.Option(help="wrap or saturate.")]
+_Size = Annotated[int, typer.Option(help="Rows and columns of the core's matrices, 2 to 16.")]
+_Multipliers = Annotated[
+    int, typer.Option(help="A multiple of the size: a pipelined core. 0: eight clocks an instruction.")
+]
 _Out = Annotated[Path | None, typer.Option(metavar="FILE", help="A file to write.  [default: print it]")]
 _Force = Annotated[bool, typer.Option("--force", help="Replace the file.")]
 
@@ -66,6 +70,8 @@ def execute(
     fraction: _Fraction = 16,
     rounding: _Rounding = "half_even",
     overflow: _Overflow = "saturate",
+    size: _Size = 3,
+    multipliers: _Multipliers = 0,
     trace: Annotated[bool, typer.Option("--trace", help="Print every instruction and what it does.")] = False,
     until: Annotated[
         str | None, typer.Option(metavar="LABEL", help="Stop when this label or address comes up again.")
@@ -75,16 +81,16 @@ def execute(
 ) -> None:
     """Run a program on the instruction-set simulator, and print the numbers that it puts out."""
     from kalmanhdl.processor.files import read_numbers, read_program
-    from kalmanhdl.processor.peripherals import BenchSink, BenchSource
+    from kalmanhdl.processor.peripherals import bench
     from kalmanhdl.processor.simulator import Machine, run
     from kalmanhdl.processor.trace import dump as dumped
     from kalmanhdl.processor.trace import real
 
-    core = _core(width, fraction, rounding, overflow)
+    core = _core(width, fraction, rounding, overflow, size, multipliers)
     found = read_program(program, core)
     tokens = () if data is None else read_numbers(data, core)
     stops = frozenset() if until is None else frozenset({_address(until, found)})
-    machine = Machine(core, BenchSource(tokens), BenchSink())
+    machine = Machine(core, *bench(core, tokens))
     machine.load(found.words)
     done = run(machine, instructions, stops, _watch(machine, found, trace=trace))
     if not trace:
@@ -107,7 +113,8 @@ def compile_filter(
     fraction: _Fraction = 16,
     rounding: _Rounding = "half_even",
     overflow: _Overflow = "saturate",
-    size: Annotated[int, typer.Option(help="Rows and columns of the core's matrices, 2 to 16.")] = 3,
+    size: _Size = 3,
+    multipliers: _Multipliers = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace a folder that kalmanhdl made.")] = False,
 ) -> None:
     """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
@@ -119,7 +126,7 @@ def compile_filter(
     from kalmanhdl.simulate.data import read_plots
 
     check_folder(out, force=force)
-    core = replace(_core(width, fraction, rounding, overflow), size=size)
+    core = _core(width, fraction, rounding, overflow, size, multipliers)
     chosen = Design.load(design)
     filter_ = traced(chosen.model, chosen.algorithm, size)
     z = None
@@ -166,7 +173,12 @@ def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[[
 
 
 def _core(
-    width: int = 32, fraction: int = 16, rounding: str = "half_even", overflow: str = "saturate"
+    width: int = 32,
+    fraction: int = 16,
+    rounding: str = "half_even",
+    overflow: str = "saturate",
+    size: int = 3,
+    multipliers: int = 0,
 ) -> "Core":
     from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
     from kalmanhdl.processor.core import Core
@@ -175,8 +187,16 @@ def _core(
         if value not in [each.value for each in kind]:
             valid = ", ".join(each.value for each in kind)
             raise typer.BadParameter(f"{value!r}: one of {valid}", param_hint=name)
-    form = Fixed(width=width, fraction=fraction)
-    return Core(form=form, rounding=Rounding(rounding), overflow=Overflow(overflow), extended=True)
+    if multipliers % size:
+        raise typer.BadParameter(f"{multipliers}: a multiple of the size, {size}", param_hint="--multipliers")
+    return Core(
+        form=Fixed(width=width, fraction=fraction),
+        rounding=Rounding(rounding),
+        overflow=Overflow(overflow),
+        extended=True,
+        size=size,
+        units=multipliers // size,
+    )
 
 
 def _address(text: str, program: "Program") -> int:

@@ -17,6 +17,18 @@ CORES = {
         size=2,
         extended=True,
     ),
+    "pipelined, N^2": Core(
+        form=Fixed(width=16, fraction=9), matrices=32, program_words=256, extended=True, units=3
+    ),
+    "pipelined, N": Core(
+        form=Fixed(width=12, fraction=12),
+        rounding=Rounding.TOWARD_ZERO,
+        overflow=Overflow.WRAP,
+        matrices=16,
+        size=2,
+        extended=True,
+        units=1,
+    ),
 }
 
 

@@ -30,14 +30,15 @@ def compute(
     """The raw elements that an instruction writes, and whether any of them did not fit.
 
     ``a`` and ``b`` are the matrices at its first and second argument, ``c`` the one at its third, which those
-    that accumulate need. A vector stands in the first row: its elements are 0 to N - 1. A number is element 0.
+    that accumulate need. A vector stands in the first row: its elements are 0 to N - 1. A number is element
+    0.
     """
     if instruction.opcode is Opcode.RECIP:
         # The divisors of a filter are variances: of what is not positive the result is that of zero.
         form = core.form
         value, outside = reciprocal(max(a[0], 0), form.fraction, form, core.rounding, core.division)
         return [value], outside
-    moved = _moved(instruction, a, core)
+    moved = _moved(instruction, a, b, core)
     if moved is not None:
         return moved, False
     values, times = _exact(instruction, a, b, c, core)
@@ -46,11 +47,13 @@ def compute(
     return [raw for raw, _ in found], any(outside for _, outside in found)
 
 
-def _moved(instruction: Instruction, a: Matrix, core: Core) -> list[int] | None:
+def _moved(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> list[int] | None:
     """The result of an instruction that only moves elements; None for the others."""
     match instruction.opcode:
         case Opcode.COPY:
             return list(a)
+        case Opcode.MASK_33:
+            return [x if b[e // core.size * (core.size + 1)] else 0 for e, x in enumerate(a)]
         case Opcode.TRANS_33:
             return _transposed(a, core.size)
         case Opcode.PICK:

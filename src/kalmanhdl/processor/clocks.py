@@ -14,9 +14,9 @@ from kalmanhdl.processor.timing import FRONT_CLOCKS, JUMP_CLOCKS, QUEUE, latency
 class Retired:
     """An instruction in the clock in which it takes effect.
 
-    ``clock`` counts from the first clock in which the core runs. ``values`` go to the elements ``elements`` of
-    the matrix ``matrix``, which had ``before``. ``saturated``: a result did not fit the format. ``sent``: what
-    a WRITE puts out. ``jumped``: what follows is not the next address.
+    ``clock`` counts from the first clock in which the core runs. ``values`` go to the elements ``elements``
+    of the matrix ``matrix``, which had ``before``. ``saturated``: a result did not fit the format. ``sent``:
+    what a WRITE puts out. ``jumped``: what follows is not the next address.
     """
 
     clock: int
@@ -42,7 +42,7 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A clock in which an instruction takes effect or a result is stored, as it stands before the clock's end.
+    """A clock in which an instruction takes effect or a result is stored, before its end.
 
     ``flags``: ACK_I, DRDY_O, DRDY_I, ACK_O, saturated. ``issued`` takes effect, ``stored`` writes its result.
     """
@@ -143,9 +143,9 @@ class EightClocks:
 class Overlapping:
     """An instruction a clock, in order, unless it must wait: ``timing.py`` says how long each takes.
 
-    It waits for the matrices that it reads until they are stored, for the array of multipliers, for the one way
-    into the store, for an earlier result of its own destination, READ for a number in the queue, WRITE for room
-    in the other one. The queues take and give by the handshakes on their own.
+    It waits for the matrices that it reads until they are stored, for the array of multipliers, for the one
+    way into the store, for an earlier result of its own destination, READ for a number in the queue, WRITE
+    for room in the other one. The queues take and give by the handshakes on their own.
     """
 
     core: Core

@@ -5,7 +5,15 @@ from dataclasses import dataclass
 from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.instructions import ARGUMENT_BITS, EXTENSION, VECTORS, Instruction, Kind, Opcode, decode
+from kalmanhdl.processor.instructions import (
+    ARGUMENT_BITS,
+    EXTENSION,
+    VECTORS,
+    Instruction,
+    Kind,
+    Opcode,
+    decode,
+)
 
 CLOCKS_PER_INSTRUCTION = 8
 """First fetch, second fetch, execute, write back: two clocks each (bhatia2012, figure 17)."""
@@ -29,8 +37,8 @@ class Core:
     Every element of a result is computed exactly and brought into the format once, with this rounding and
     overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store. An
     ``extended`` core has more instructions than the paper's eleven. ``units`` is how many sums of N products
-    it computes in a clock, on N multipliers each: with any its instructions overlap (``timing.py``), with none
-    each takes the paper's eight clocks.
+    it computes in a clock, on N multipliers each: with any its instructions overlap (``timing.py``), with
+    none each takes the paper's eight clocks.
 
     Raises ProgramError for parameters outside what the words of an instruction can address.
     """
@@ -55,8 +63,8 @@ class Core:
             raise ProgramError(f"core: {self.form}: its point stands inside the word, 0 to {self.form.width}")
         if not 0 <= self.units <= self.elements:
             raise ProgramError(
-                f"core: units = {self.units}: a pipelined core computes 1 to {self.elements} elements a clock, "
-                f"on {self.size} multipliers each; 0 for eight clocks an instruction"
+                f"core: units = {self.units}: a pipelined core computes 1 to {self.elements} elements "
+                f"a clock, on {self.size} multipliers each; 0 for eight clocks an instruction"
             )
         for name in ("matrices", "program_words"):
             size = getattr(self, name)
@@ -233,6 +241,7 @@ def writes(instruction: Instruction, core: Core) -> range:
             | Opcode.ADJ_33
             | Opcode.SYMADD_33
             | Opcode.SYMSUB_33
+            | Opcode.MASK_33
         ):
             return range(core.elements)
         case _:

@@ -44,6 +44,7 @@ class Opcode(Enum):
     SYMSUB_33 = 0x18
     MADD_31 = 0x19
     MSUB_31 = 0x1A
+    MASK_33 = 0x1B
 
 
 class Kind(Enum):
@@ -125,6 +126,7 @@ EXTENSION: tuple[Operation, ...] = (
     _arithmetic(Opcode.SYMSUB_33),
     _arithmetic(Opcode.MADD_31),
     _arithmetic(Opcode.MSUB_31),
+    _arithmetic(Opcode.MASK_33),
 )
 """What a filter needs beyond them, on opcodes that the paper leaves free."""
 

@@ -1,10 +1,10 @@
 """What stands at the processor's handshakes, clock by clock.
 
-Input (bhatia2012, figure 6): the peripheral raises DRDY_I with its data; the processor raises ACK_I once
-the data are stored; the peripheral drops DRDY_I. Output (figure 7): the processor raises DRDY_O with its
-data; the peripheral drops ACK_O, and raises it once it has them. In the paper's mode either strobe of the
-processor stands for eight clocks or more: so long has a peripheral to see it. A pipelined core keeps a strobe up
-until it has been answered.
+Input (bhatia2012, figure 6): the peripheral raises DRDY_I with its data; the processor raises ACK_I once the
+data are stored; the peripheral drops DRDY_I. Output (figure 7): the processor raises DRDY_O with its data;
+the peripheral drops ACK_O, and raises it once it has them. In the paper's mode either strobe of the processor
+stands for eight clocks or more: so long has a peripheral to see it. A pipelined core keeps a strobe up until
+it has been answered.
 """
 
 from collections.abc import Sequence

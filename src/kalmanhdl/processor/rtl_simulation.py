@@ -56,10 +56,11 @@ class Peripherals:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Records:
-    """The clocks in which an instruction takes effect or a result is stored, as it stands before the clock's end.
+    """The clocks in which an instruction takes effect or a result is stored, before their ends.
 
-    Flags: ACK_I, DRDY_O, DRDY_I, ACK_O, saturated, in columns. The instruction at ``address`` takes effect where
-    ``issued`` holds. ``values[k, e]`` goes to element e of the matrix ``matrix[k]`` where ``elements[k, e]`` holds.
+    Flags: ACK_I, DRDY_O, DRDY_I, ACK_O, saturated, in columns. The instruction at ``address`` takes effect
+    where ``issued`` holds. ``values[k, e]`` goes to element e of the matrix ``matrix[k]`` where ``elements[k,
+    e]`` holds.
     """
 
     clock: Integers

@@ -1,4 +1,4 @@
-"""How the instructions of a pipelined core overlap: which work each is in which clock, and when its result is there.
+"""How the instructions of a pipelined core overlap: who works in which clock, and when a result is there.
 
 An instruction takes its operands in one clock, ``issue``. What it writes goes to the data store in the clock
 ``issue + latency``, and an instruction that issues in that clock can have it. The array of multipliers takes
@@ -26,13 +26,16 @@ AFTER_COFACTORS = 2
 """Clocks from the cofactors of a row to their sum, the determinant."""
 
 FRONT_CLOCKS = 1
-"""From the clock in which a word is there to the one in which its instruction issues, if nothing is waited for."""
+"""From the clock in which a word is there to the one in which its instruction issues at best."""
 
 JUMP_CLOCKS = 2
 """From a jump that is taken to the instruction that it goes to."""
 
 QUEUE = 16
 """Numbers that wait on the way in, and on the way out."""
+
+SPLIT = {Opcode.MULT_3S, Opcode.SCALE}
+"""The instructions whose elements are a product each, so that every multiplier has its own."""
 
 _OF_ARRAY = {
     Opcode.MULT_33,
@@ -48,7 +51,7 @@ _OF_ARRAY = {
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A product in a sum: the places of its factors, both in the first source if ``minor``; subtracted or not."""
+    """A product in a sum: the places of its factors, both in the first source if ``minor``."""
 
     left: int
     right: int
@@ -58,7 +61,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a unit computes in a pass: an element of the result."""
+    """An element of the result: what a unit computes in a pass, or one of its multipliers alone."""
 
     element: int
     terms: tuple[Term, ...]
@@ -71,7 +74,8 @@ def passes_of(opcode: Opcode, core: Core) -> tuple[tuple[Task, ...], ...]:
     The second source is a matrix by then: a vector its first column, a number on its diagonal.
     """
     tasks = _tasks(opcode, core) if opcode in _OF_ARRAY else []
-    return tuple(tuple(tasks[k : k + core.units]) for k in range(0, len(tasks), core.units))
+    step = core.units * (core.size if opcode in SPLIT else 1)
+    return tuple(tuple(tasks[k : k + step]) for k in range(0, len(tasks), step))
 
 
 def _tasks(opcode: Opcode, core: Core) -> list[Task]:
@@ -81,6 +85,8 @@ def _tasks(opcode: Opcode, core: Core) -> list[Task]:
             return [_minor(e, MINORS[e % n * n + e // n]) for e in range(core.elements)]
         case Opcode.DET_33:
             return [_minor(e, MINORS[e]) for e in range(n)]
+        case _ if opcode in SPLIT:
+            return [Task(e, (Term(e, e % n * (n + 1)),)) for e in range(core.elements)]
         case _ if opcode in VECTORS:
             return [_dot(i, i, 0, n) for i in range(n)]
         case _ if opcode in SYMMETRIC:

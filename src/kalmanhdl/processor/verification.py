@@ -107,7 +107,8 @@ def compare(
         )
     if len(expected.clock) != len(found.clock):
         raise VerificationError(
-            f"the Verilog does something in {len(found.clock)} clocks and the simulator in {len(expected.clock)}"
+            f"the Verilog does something in {len(found.clock)} clocks "
+            f"and the simulator in {len(expected.clock)}"
         )
     return sum(a.size for _, a, _ in pairs)
 

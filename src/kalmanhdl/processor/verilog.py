@@ -19,7 +19,8 @@ def core_verilog(core: Core) -> str:
         f"{TOP}: a programmable matrix processor made by kalmanhdl {__version__}\n"
         f"{core.size} by {core.size} matrices of {core.form}, {core.rounding.value}, {core.overflow.value}; "
         f"{core.matrices} matrices, {core.program_words} words of program; "
-        f"{'pipelined' if core.pipelined else 'eight clocks an instruction'}, {core.multipliers} multipliers.\n"
+        f"{'pipelined' if core.pipelined else 'eight clocks an instruction'}, "
+        f"{core.multipliers} multipliers.\n"
     )
     controller = PipelinedController(core) if core.pipelined else Controller(core)
     return rtlil_to_verilog(to_rtlil(controller, TOP), TOP, header)

@@ -52,7 +52,7 @@ TRACKS = linear_model(
     np.diag([9.0, 4.0]),
     initial=two_point(),
 )
-ALGORITHMS = (Conventional(), Joseph(), Sequential(), Taylor("initial"))
+ALGORITHMS = (Conventional(), Joseph(), Sequential(), Taylor("initial"), Taylor("initial", newton=2))
 CASES = [(POSITION, CORE), (SINGER, CORE), (TRACKS, FOUR), (WHOLE, CORE)]
 
 
@@ -85,19 +85,22 @@ def followed(model, algorithm, z):
     return found.x[:, 0], found.P[:, 0], started(model, issued)[:, 0]
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.kind)
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: f"{a.kind}{getattr(a, 'newton', '')}")
 @pytest.mark.parametrize(
     ("model", "core"), CASES, ids=["position", "two of three", "two tracks", "all of three"]
 )
 def test_a_compiled_filter_is_the_engine_and_follows_the_reference(model, core, algorithm):
     inverts = algorithm.kind in ("conventional", "joseph") and model.m > 1
-    expands = algorithm.kind == "taylor" and model.m > 1
-    correlated = algorithm.kind == "sequential" and np.any(model.R - np.diag(np.diag(model.R)))
-    if (inverts and core.size != 3) or correlated or expands:
+    correlated = np.any(model.R - np.diag(np.diag(model.R)))
+    refused = correlated and algorithm.kind in ("sequential", "taylor")
+    if refused:
         with pytest.raises(ProgramError, match=r'use "(sequential|conventional)"'):
             traced(model, algorithm, core.size)
         return
     z = measurements(model)
+    if algorithm.kind == "taylor":
+        # Behind a longer gap the expansion diverges, in double precision too.
+        z[33:36] = z[32]
     got, wanted = outputs(
         traced(model, algorithm, core.size), core, z, Machine(core, BenchSource(()), BenchSink())
     )
@@ -134,7 +137,7 @@ def test_slow_peripherals_change_nothing_but_the_time():
 def test_the_program_says_what_each_instruction_is():
     text = source(traced(POSITION, Conventional(), 3), CORE)
     assert "RECIP    _t1 _v" in text or "-- update: 1 / S" in text
-    assert "MULT_33T" in text
+    assert "SYMSUB_33" in text
     assert text.count("JUMP_U") == 1
 
 
@@ -143,8 +146,9 @@ def test_what_is_known_is_not_computed():
     words = compiled(traced(identity, Sequential(), 3), CORE).words
     step = [decode(word).opcode for word in words]
     # F x and F P F' are x and P; what is left of the prediction is one sum.
-    assert step.count(Opcode.MULT_31) == 2 * 2 * 2
-    assert step.count(Opcode.TRANS_33) == 3
+    assert Opcode.MULT_31 not in step
+    assert [step.count(each) for each in (Opcode.MSUB_31, Opcode.MADD_31)] == [2 * 2, 2 * 2]
+    assert [step.count(each) for each in (Opcode.ADD_33, Opcode.SYMADD_33)] == [1, 2 * 2]
 
 
 @pytest.mark.parametrize(
@@ -157,7 +161,7 @@ def test_what_is_known_is_not_computed():
             "4 states do not fit the core's matrices of 3 by 3: take a larger core",
         ),
         (POSITION, BiermanThornton(), CORE, 'kind = "bierman_thornton" has no program: choose conventional'),
-        (POSITION, Taylor("initial", newton=1), CORE, "newton = 1: programs have none yet"),
+        (WHOLE, Taylor("initial"), CORE, '"taylor" has programs for innovations without correlation'),
     ],
 )
 def test_what_has_no_program_is_refused(model, algorithm, core, message):

@@ -4,12 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.compiler.graph import Computed, Constant, Given, Held, Section
+from kalmanhdl.processor.compiler.graph import (
+    Computed,
+    Constant,
+    Given,
+    Held,
+    Put,
+    Read,
+    Section,
+    sources_of,
+)
+from kalmanhdl.processor.compiler.schedule import accumulated_into
 from kalmanhdl.processor.compiler.trace import HELD, Traced
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import Opcode
+from kalmanhdl.processor.instructions import ACCUMULATING, VECTORS, Opcode
 
-_ROWS = {Opcode.MULT_31, Opcode.RECIP, Opcode.DET_33, Opcode.PICK}
+_ROWS = {*VECTORS, Opcode.RECIP, Opcode.DET_33, Opcode.PICK}
 """Instructions that leave elements of their destination as they were."""
 
 GIVEN = ("z", "V")
@@ -27,14 +37,14 @@ class Places:
     of: Mapping[str, Mapping[int, str]]
 
 
-def allocate(filter_: Traced, core: Core) -> Places:
-    """A place for every node: scratch is used again once nobody needs what is in it.
+def allocate(filter_: Traced, sections: Sequence[Section], core: Core) -> Places:
+    """A place for every node of scheduled sections: scratch is used again once nobody needs what is in it.
 
     Raises ProgramError where the data store is too small.
     """
     lasting = [*HELD, *GIVEN, *filter_.constants]
     scratch: dict[str, list[str]] = {"v": [], "t": []}
-    of = {each.name: _of_section(each, scratch) for each in (filter_.start, filter_.step)}
+    of = {each.name: _of_section(each, scratch) for each in sections}
     names = (*lasting, *scratch["v"], *scratch["t"])
     if len(names) > core.matrices:
         raise ProgramError(
@@ -44,34 +54,45 @@ def allocate(filter_: Traced, core: Core) -> Places:
 
 
 def _of_section(section: Section, scratch: dict[str, list[str]]) -> dict[int, str]:
-    live = section.live
-    last = _last_uses(section, live)
+    last = _last_uses(section)
     results = {node: name for name, node in section.held.items()}
+    ends = accumulated_into(section)
     places: dict[int, str] = {}
     free = {kind: list(names) for kind, names in scratch.items()}
-    for index in live:
-        node = section.nodes[index]
+    for index, node in enumerate(section.nodes):
         match node:
-            case Constant(name) | Held(name) | Given(name, _):
+            case Constant(name) | Held(name) | Given(name, _) | Read(name, _):
                 places[index] = name
+            case Computed() if node.opcode in ACCUMULATING:
+                places[index] = places[node.sources[-1]]
+                _release(index, set(node.sources[:-1]) - {node.sources[-1]}, last, places, free)
             case Computed():
-                for source in set(node.sources):
-                    if last[source] == index and places[source].startswith(_SCRATCH):
-                        free[places[source][len(_SCRATCH)]].append(places[source])
-                places[index] = _direct(section, live, index, results, last) or _taken(
-                    section, index, scratch, free
-                )
+                _release(index, set(node.sources), last, places, free)
+                direct = _direct(section, index, results.get(ends[index]), last)
+                places[index] = direct or _taken(section, index, scratch, free)
+            case Put(source, _):
+                _release(index, {source}, last, places, free)
     return places
 
 
-def _direct(
-    section: Section, live: Sequence[int], index: int, results: Mapping[int, str], last: Mapping[int, int]
-) -> str | None:
+def _release(
+    index: int,
+    sources: set[int],
+    last: Mapping[int, int],
+    places: Mapping[int, str],
+    free: Mapping[str, list[str]],
+) -> None:
+    """The scratch of the sources that nobody needs after a node is free."""
+    for source in sorted(sources):
+        if last[source] == index and places[source].startswith(_SCRATCH):
+            free[places[source][len(_SCRATCH)]].append(places[source])
+
+
+def _direct(section: Section, index: int, name: str | None, last: Mapping[int, int]) -> str | None:
     """The place of the held matrix that a node becomes, where nobody needs its old value any more."""
-    name = results.get(index)
     if name is None or (_row(section, index) and name != "x"):
         return None
-    old = [k for k in live if section.nodes[k] == Held(name)]
+    old = [k for k, node in enumerate(section.nodes) if node == Held(name)]
     return name if all(last[k] <= index for k in old) else None
 
 
@@ -89,7 +110,7 @@ def _row(section: Section, index: int) -> bool:
     """Whether a node is a vector or a number: only its first row is ever not zero, or ever written."""
     node = section.nodes[index]
     match node:
-        case Constant() | Held() | Given():
+        case Constant() | Held() | Given() | Read() | Put():
             return False
         case Computed(opcode, sources):
             if opcode in _ROWS:
@@ -98,13 +119,10 @@ def _row(section: Section, index: int) -> bool:
             return adds and any(_row(section, source) for source in sources)
 
 
-def _last_uses(section: Section, live: Sequence[int]) -> dict[int, int]:
-    """The last node that needs each node; what stays or is put out is needed until the end."""
-    end = len(section.nodes)
-    last = dict.fromkeys(live, -1)
-    for index in live:
-        node = section.nodes[index]
-        if isinstance(node, Computed):
-            last.update(dict.fromkeys(node.sources, index))
-    last.update(dict.fromkeys([*section.held.values(), *(node for node, _ in section.outputs)], end))
+def _last_uses(section: Section) -> dict[int, int]:
+    """The last node that needs each node; what stays is needed until the end."""
+    last = dict.fromkeys(range(len(section.nodes)), -1)
+    for index, node in enumerate(section.nodes):
+        last.update(dict.fromkeys(sources_of(node), index))
+    last.update(dict.fromkeys(section.held.values(), len(section.nodes)))
     return last

@@ -1,13 +1,23 @@
 """The engine: a traced filter run in the processor's order of operations, on raw numbers or on floats."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.processor.arithmetic import compute
-from kalmanhdl.processor.compiler.graph import Array, Computed, Constant, Given, Held, Section
+from kalmanhdl.processor.compiler.graph import (
+    Array,
+    Computed,
+    Constant,
+    Given,
+    Held,
+    Node,
+    Put,
+    Read,
+    Section,
+)
 from kalmanhdl.processor.compiler.trace import HELD, Traced
 from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.instructions import OPERATIONS, Instruction, Kind, build
@@ -56,35 +66,39 @@ class Engine:
         }
 
     def step(self, given: Sequence[int]) -> Raw:
-        """What one pass puts out, from the m measurements and the m flags that it reads."""
+        """What is put out after one pass, from the m flags and the m measurements that it reads."""
         section = self.filter_.start if self._rows < self.filter_.points else self.filter_.step
         self._rows += 1
         values: dict[int, list[int]] = {}
         numbers = iter(given)
         for index in section.live:
-            values[index] = self._value(section, index, values, numbers)
+            node = section.nodes[index]
+            values[index] = [next(numbers)] if isinstance(node, Read) else self._value(section, node, values)
         self._held = {name: values[node] for name, node in section.held.items()}
-        return tuple(values[node][element] for node, element in section.outputs)
+        return tuple(self._held[name][element] for name, element in self.filter_.outputs)
 
-    def _value(
-        self, section: Section, index: int, values: dict[int, list[int]], given: Iterable[int]
-    ) -> list[int]:
+    def _value(self, section: Section, node: Node, values: Mapping[int, list[int]]) -> list[int]:
         result = [0] * self.core.elements
-        match section.nodes[index]:
+        match node:
             case Constant(name):
                 return self._constants[name]
             case Held(name):
                 return self._held[name]
-            case Given(_, elements):
-                for element, number in zip(elements, given, strict=False):
-                    result[element] = number
-            case Computed() as node:
+            case Given(_, reads):
+                for index in reads:
+                    read = section.nodes[index]
+                    assert isinstance(read, Read)
+                    result[read.element] = values[index][0]
+            case Computed():
                 instruction = instruction_of(node, [0] * len(node.sources), 0)
                 sources = [values[source] for source in node.sources]
-                found, outside = compute(instruction, sources[0], sources[min(1, len(sources) - 1)], self.core, sources[-1])
+                a, b, c = sources[0], sources[min(1, len(sources) - 1)], sources[-1]
+                found, outside = compute(instruction, a, b, self.core, c)
                 self.saturated |= outside
                 written = writes(instruction, self.core)
                 result[written.start : written.stop] = found
+            case Read() | Put():
+                raise AssertionError(node)
         return result
 
 

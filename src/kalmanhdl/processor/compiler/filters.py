@@ -9,13 +9,15 @@ import numpy as np
 from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Sequential, Taylor, steady_state
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.processor.compiler.graph import Matrix, named
+from kalmanhdl.processor.compiler.graph import named
 from kalmanhdl.processor.instructions import Opcode
 
 Anything = Any
 """A traced matrix or vector."""
 
-MAX_INVERSE = 3
+ADJUGATE = 3
+"""The size of the matrices whose inverse is found by adjugate and determinant."""
+
 _OTHER = 'use "sequential"'
 
 
@@ -39,7 +41,7 @@ def predict(model: Matrices, x: Anything, P: Anything) -> tuple[Anything, Anythi
     x = named(model.F @ x, "predict: x")
     if np.any(model.model.offset):
         x = named(x + model.offset, "predict: x with its offset")
-    return x, named(named(model.F @ P, "predict: F P") @ model.F.T + model.Q, "predict: P")
+    return x, named(model.Q.plus(named(model.F @ P, "predict: F P"), model.F), "predict: P")
 
 
 def update_of(algorithm: Algorithm, model: LinearModel, size: int) -> Update:
@@ -50,18 +52,14 @@ def update_of(algorithm: Algorithm, model: LinearModel, size: int) -> Update:
         case Joseph():
             return lambda m, x, P, z, V: _gained(m, x, P, z, V, _inverted(m, size), joseph=True)
         case Taylor():
-            if algorithm.newton:
-                raise ProgramError(
-                    f"[algorithm] newton = {algorithm.newton}: programs have none yet: leave it out"
-                )
-            if model.m > 1:
+            S0 = steady_state.innovation_covariance(model, algorithm.point(model))
+            if np.any(S0 - np.diag(np.diag(S0))):
                 # Which inverse is expanded depends on which measurements are valid.
                 raise ProgramError(
-                    f'[algorithm] "taylor" has programs for one measurement, not {model.m}: {_OTHER}'
+                    f'[algorithm] "taylor" has programs for innovations without correlation: {_OTHER}'
                 )
-            S0 = steady_state.innovation_covariance(model, algorithm.point(model))
-            X0 = np.linalg.inv(S0)
-            return lambda m, x, P, z, V: _gained(m, x, P, z, V, _expanded(m, X0), joseph=True)
+            newton = algorithm.newton
+            return lambda m, x, P, z, V: _gained(m, x, P, z, V, _expanded(m, S0, newton), joseph=True)
         case Sequential():
             return _sequential
         case _:
@@ -79,33 +77,47 @@ def _gained(
     *,
     joseph: bool,
 ) -> tuple[Anything, Anything]:
-    """An update by a gain; a missed measurement has a row of zeros in V H, and so a column of zeros in K."""
-    H = named(V @ model.H, "update: H of what is valid")
-    PHt = named(P @ H.T, "update: P H'")
-    S = named(named(H @ PHt, "update: H P H'") + _noise(model, V), "update: S")
+    """An update by a gain; a missed measurement has a row of zeros in V H, and so a column of zeros in K.
+
+    Measurements are taken in units in which S is near one, where it and its inverse have the most digits.
+    """
+    D = _units(model.model)
+    H = named(model.c("H_D", D @ model.model.H).rows_where(V), "update: H of what is valid")
+    HP = named(H @ P, "update: H P")
+    PHt = named(HP.transposed(), "update: P H'")
+    S = named(_noise(model, V, D).plus(HP, H), "update: S")
     K = named(by_inverse(PHt, S), "update: K")
-    y = named(_measured(model, z) - named(H @ x, "update: H x"), "update: y")
-    x = named(x + named(K @ y, "update: K y"), "update: x")
+    y = named(_measured(model, z).minus(model.H, x), "update: y")
+    y = named(model.c("D", D) @ y, "update: y in its units")
+    x = named(x.plus(K, y), "update: x")
     if not joseph:
-        return x, _symmetric(named(P - named(K @ PHt.T, "update: K H P"), "update: P"))
+        return x, named(P.minus(K, PHt), "update: P")
     A = named(model.c("I", np.eye(model.model.n)) - named(K @ H, "update: K H"), "update: I - K H")
-    first = named(named(A @ P, "update: A P") @ A.T, "update: A P A'")
-    return x, named(first + named(named(K @ model.R, "update: K R") @ K.T, "update: K R K'"), "update: P")
+    KR = named(K @ model.c("R_D", D @ model.model.R @ D), "update: K R")
+    noise = named(KR @ K.T, "update: K R K'")
+    return x, named(noise.plus(named(A @ P, "update: A P"), A), "update: P")
 
 
-def _noise(model: Matrices, V: Anything) -> Anything:
-    """R; where it is no diagonal, V R V + I - V, so that a missed measurement has no part in the others."""
-    R = model.model.R
+def _units(model: LinearModel) -> Any:
+    """The powers of two, on a diagonal, that bring the variances of the settled innovations near one."""
+    S = steady_state.innovation_covariance(model, steady_state.steady_prior(model))
+    return np.diag(2.0 ** np.round(-0.5 * np.log2(np.diag(S))))
+
+
+def _noise(model: Matrices, V: Anything, D: Any) -> Anything:
+    """R in its units, and one on the rest of the diagonal, so that S is a matrix of the core with an inverse.
+
+    Where R is no diagonal it is V R V + I - V, so that a missed measurement has no part in the others.
+    """
+    R, size = D @ model.model.R @ D, V.builder.size
     if not np.any(R - np.diag(np.diag(R))):
-        return model.R
-    valid = named(named(V @ model.R, "update: V R") @ V.T, "update: V R V")
-    missed = named(model.c("I_m", np.eye(len(R))) - V, "update: I - V")
+        whole = np.eye(size)
+        whole[: len(R), : len(R)] = R
+        return model.c("R_D", whole)
+    rows = named(model.c("R_D", R).rows_where(V), "update: V R")
+    valid = named(named(rows.transposed(), "update: R V").rows_where(V), "update: V R V")
+    missed = named(model.c("I", np.eye(size)) - V, "update: I - V")
     return named(valid + missed, "update: R of what is valid")
-
-
-def _symmetric(P: Matrix) -> Anything:
-    """(P + P') / 2. Rounding costs P its symmetry, and nothing in P - K H P takes what is odd away again."""
-    return named((P + P.transposed()).shifted(-1), "update: P, even")
 
 
 def _measured(model: Matrices, z: Anything) -> Anything:
@@ -116,48 +128,57 @@ def _measured(model: Matrices, z: Anything) -> Anything:
 
 
 def _inverted(model: Matrices, size: int) -> Callable[[Anything, Anything], Anything]:
-    """P H' S^-1 by a reciprocal where S is a number, by adjugate and determinant where it is larger."""
+    """P H' S^-1 by a reciprocal where S is a number, by adjugate and determinant, or by sweeps."""
     m = model.model.m
-    if m > 1 and (m > MAX_INVERSE or size != MAX_INVERSE):
-        raise ProgramError(f"[algorithm] {m} measurements at once need matrices of 3 by 3: {_OTHER}")
 
     def by_inverse(PHt: Anything, S: Anything) -> Anything:
         if m == 1:
             return PHt.scaled(named(S.alone(Opcode.RECIP, (1, 1)), "update: 1 / S"))
-        return PHt @ _inverse(S, model, size)
+        if m > ADJUGATE or size != ADJUGATE:
+            return PHt @ _swept(model, S)
+        determinant = named(S.alone(Opcode.DET_33, (1, 1)), "update: det S")
+        divisor = named(determinant.alone(Opcode.RECIP, (1, 1)), "update: 1 / det S")
+        adjugate = named(S.alone(Opcode.ADJ_33, (size, size)), "update: adj S")
+        # The product goes on while the reciprocal is found.
+        return named(PHt @ adjugate, "update: P H' adj S").scaled(divisor)
 
     return by_inverse
 
 
-def _inverse(S: Matrix, model: Matrices, size: int) -> Anything:
-    """By adjugate and determinant. S is brought near one first, where both have the most digits."""
-    exponent = -_exponent(model.model)
-    m = model.model.m
-    rest = np.diag([0.0] * m + [1.0] * (size - m))
-    whole = S.shifted(exponent)
-    if m < size:
-        whole = whole + model.c("rest", rest)
-    named(whole, "update: S near one")
-    adjugate = named(whole.alone(Opcode.ADJ_33, (size, size)), "update: adj S")
-    determinant = named(whole.alone(Opcode.DET_33, (1, 1)), "update: det S")
-    divisor = named(determinant.alone(Opcode.RECIP, (1, 1)), "update: 1 / det S")
-    inverse = adjugate.scaled(divisor).shifted(exponent)
-    return named(inverse, "update: S^-1")
+def _swept(model: Matrices, S: Anything) -> Anything:
+    """S^-1 by a sweep of every diagonal element (Goodnight 1979), whose pivots are those of L D L'.
+
+    A sweep of k takes S to S - 2 e e' - u u' / d, with e the unit vector k, d = S[k,k] and u = S e - e; all
+    of them give -S^-1.
+    """
+    size = S.shape[0]
+    for k in range(model.model.m):
+        unit = np.zeros((size, size))
+        unit[k, k] = 1.0
+        E = model.c(f"E{k}", unit)
+        pivot = named(S.picked(k), f"update: pivot {k}") if k else S
+        d = named(pivot.alone(Opcode.RECIP, (1, 1)), f"update: 1 / pivot {k}")
+        u = named(named(S @ E, f"update: column {k}") - E, f"update: column {k} less one")
+        rest = named(S - model.c(f"E{k}_2", 2.0 * unit), f"update: S less two at {k}")
+        S = named(rest.minus(named(u.scaled(d), f"update: u / d, {k}"), u), f"update: S swept to {k}")
+    return named(model.c("zero", np.zeros((size, size))) - S, "update: S^-1")
 
 
-def _exponent(model: LinearModel) -> int:
-    """The power of two nearest to the root of the product of the innovations' variances, as they settle."""
-    S = steady_state.innovation_covariance(model, steady_state.steady_prior(model))
-    return round(float(np.log2(np.linalg.det(S))) / model.m)
-
-
-def _expanded(model: Matrices, X0: Any) -> Callable[[Anything, Anything], Anything]:
-    """P H' (2 X0 - X0 S X0), liu2007 eq. 14 and 15."""
+def _expanded(model: Matrices, S0: Any, newton: int) -> Callable[[Anything, Anything], Anything]:
+    """P H' X with X = 2 X0 - X0 S X0, liu2007 eq. 14 and 15, then X (2 I - S X) as often as asked for."""
 
     def by_inverse(PHt: Anything, S: Anything) -> Anything:
-        X = model.c("X0", X0)
-        product = named(named(X @ S, "update: X0 S") @ X, "update: X0 S X0")
-        return PHt @ named(model.c("X0_2", 2.0 * X0) - product, "update: S^-1")
+        D, size = _units(model.model), S.shape[0]
+        whole = np.eye(size)
+        whole[: len(S0), : len(S0)] = np.linalg.inv(D @ S0 @ D)
+        X0 = model.c("X0", whole)
+        doubled = model.c("X0_2", 2.0 * whole)
+        X = named(doubled.minus(named(X0 @ S, "update: X0 S"), X0), "update: S^-1")
+        for step in range(newton):
+            product = named(S @ X, f"update: S X, {step}")
+            rest = named(model.c("I_2", 2.0 * np.eye(size)) - product, f"update: 2 I - S X, {step}")
+            X = named(X @ rest, f"update: S^-1, {step + 1}")
+        return PHt @ X
 
     return by_inverse
 
@@ -172,14 +193,15 @@ def _sequential(
     z = _measured(model, z)
     for j in range(linear.m):
         only = np.diag(np.eye(linear.m)[j])
-        h = named(V @ model.c(f"H{j}", only @ linear.H), f"update {j}: h, if valid")
-        Ph = named(P @ h.T, f"update {j}: P h'")
-        S = named(named(h @ Ph, f"update {j}: h P h'") + model.c(f"R{j}", only @ linear.R), f"update {j}: s")
+        h = named(model.c(f"H{j}", only @ linear.H).rows_where(V), f"update {j}: h, if valid")
+        hP = named(h @ P, f"update {j}: h P")
+        Ph = named(hP.transposed(), f"update {j}: P h'")
+        S = named(model.c(f"R{j}", only @ linear.R).plus(hP, h), f"update {j}: s")
         K = named(_over(Ph, S, j), f"update {j}: K")
-        y = named(z - named(h @ x, f"update {j}: h x"), f"update {j}: y")
-        x = named(x + named(K @ y, f"update {j}: K y"), f"update {j}: x")
-        P = named(P - named(K @ Ph.T, f"update {j}: K h P"), f"update {j}: P")
-    return x, _symmetric(P)
+        y = named(z.minus(h, x), f"update {j}: y")
+        x = named(x.plus(K, y), f"update {j}: x")
+        P = named(P.minus(K, Ph), f"update {j}: P")
+    return x, P
 
 
 def _over(Ph: Anything, S: Anything, j: int) -> Anything:

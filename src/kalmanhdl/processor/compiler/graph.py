@@ -4,7 +4,7 @@ What is known beforehand is computed beforehand: products with a unit matrix, su
 constants alone. Equal instructions are one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,23 +32,42 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """Elements that the program reads in every step; the others are zero."""
+class Read:
+    """An element of a matrix that the program reads in every step."""
 
     name: str
-    elements: tuple[int, ...]
+    element: int
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A matrix of elements that have been read; the others are zero."""
+
+    name: str
+    reads: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """The result of an instruction on earlier matrices; ``immediate`` is its element or exponent."""
+    """The result of an instruction on earlier matrices; ``immediate`` is its element or exponent.
+
+    The last source of one that accumulates is what its destination has before.
+    """
 
     opcode: Opcode
     sources: tuple[int, ...]
     immediate: int = 0
 
 
-Node = Constant | Held | Given | Computed
+@dataclass(frozen=True, slots=True)
+class Put:
+    """An element of an earlier matrix, put out."""
+
+    source: int
+    element: int
+
+
+Node = Constant | Held | Read | Given | Computed | Put
 
 
 @dataclass(slots=True)
@@ -67,6 +86,11 @@ class Builder:
             self._places[node] = len(self.nodes)
             self.nodes.append(node)
         return self._places[node]
+
+    def given(self, name: str, elements: Sequence[int]) -> int:
+        """The index of a matrix whose elements are read, in this order."""
+        reads = tuple(self.place(Read(name, element)) for element in elements)
+        return self.place(Given(name, reads))
 
     def constant(self, name: str, values: Array) -> "Matrix":
         """A constant matrix. The name is its own: equal values under another name are another constant."""
@@ -92,6 +116,20 @@ class Vector:
 
     def __sub__(self, other: "Vector") -> "Vector":
         return self._with(Opcode.SUB_33, other)
+
+    def plus(self, matrix: "Matrix", vector: "Vector") -> "Vector":
+        """This and the product of a matrix and a vector, rounded once."""
+        return self._accumulated(Opcode.MADD_31, Opcode.ADD_33, matrix, vector)
+
+    def minus(self, matrix: "Matrix", vector: "Vector") -> "Vector":
+        """This less the product of a matrix and a vector, rounded once."""
+        return self._accumulated(Opcode.MSUB_31, Opcode.SUB_33, matrix, vector)
+
+    def _accumulated(self, opcode: Opcode, simple: Opcode, matrix: "Matrix", vector: "Vector") -> "Vector":
+        if _unit(matrix, vector.length):
+            return self._with(simple, vector)
+        sources = (matrix.index, vector.index, self.index)
+        return Vector(self.builder, self.builder.place(Computed(opcode, sources)), self.length)
 
     def _with(self, opcode: Opcode, other: "Vector") -> "Vector":
         index = self.builder.place(Computed(opcode, (self.index, other.index)))
@@ -140,6 +178,22 @@ class Matrix:
         if _unit(other, self.shape[1]):
             return self
         return self._computed(Opcode.MULT_33, (self, other), (self.shape[0], other.shape[1]))
+
+    def plus(self, a: "Matrix", b: "Matrix") -> "Matrix":
+        """This and a b', rounded once, symmetric: the lower triangle is the mirror of the upper one."""
+        if self.known is not None and a.known is not None and b.known is not None:
+            return self.builder.constant("C", self.known + a.known @ b.known.T)
+        if _unit(b, a.shape[1]):
+            return self + a
+        return self._computed(Opcode.SYMADD_33, (a, b, self), self.shape)
+
+    def minus(self, a: "Matrix", b: "Matrix") -> "Matrix":
+        """This less a b', rounded once. The difference is symmetric."""
+        return self._computed(Opcode.SYMSUB_33, (a, b, self), self.shape)
+
+    def rows_where(self, flags: "Matrix") -> "Matrix":
+        """Zero in every row whose element on the diagonal of ``flags`` is zero."""
+        return self._computed(Opcode.MASK_33, (self, flags), self.shape)
 
     def scaled(self, factor: "Matrix") -> "Matrix":
         """Every element times element 0 of another matrix."""
@@ -207,28 +261,37 @@ def named(value: Any, origin: str) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """Instructions in order, the nodes that the held matrices take at its end, and what it puts out.
-
-    ``outputs`` are (node, element).
-    """
+    """Instructions in order, and the nodes that the held matrices take at its end."""
 
     name: str
     nodes: tuple[Node, ...]
     comments: Mapping[int, str]
     held: Mapping[str, int]
-    outputs: tuple[tuple[int, int], ...]
 
     @property
     def live(self) -> tuple[int, ...]:
-        """The nodes that something needs, in order."""
-        needed = {*self.held.values(), *(node for node, _ in self.outputs)}
+        """The nodes that something needs, in order. Whatever is given must be read, wanted or not."""
+        needed = {*self.held.values()}
         for index in range(len(self.nodes) - 1, -1, -1):
             node = self.nodes[index]
-            if index in needed and isinstance(node, Computed):
-                needed.update(node.sources)
-        # Whatever is given must be read, wanted or not.
-        given = {index for index, node in enumerate(self.nodes) if isinstance(node, Given)}
-        return tuple(sorted(needed | given))
+            if isinstance(node, Read | Put):
+                needed.add(index)
+            if index in needed:
+                needed.update(sources_of(node))
+        return tuple(sorted(needed))
+
+
+def sources_of(node: Node) -> tuple[int, ...]:
+    """The nodes that a node is made of."""
+    match node:
+        case Constant() | Held() | Read():
+            return ()
+        case Given():
+            return node.reads
+        case Computed():
+            return node.sources
+        case Put():
+            return (node.source,)
 
 
 def check_size(what: str, wanted: int, size: int) -> None:

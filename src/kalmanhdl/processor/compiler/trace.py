@@ -14,7 +14,6 @@ from kalmanhdl.processor.compiler.filters import Matrices, predict, update_of
 from kalmanhdl.processor.compiler.graph import (
     Array,
     Builder,
-    Given,
     Held,
     Matrix,
     Section,
@@ -30,7 +29,7 @@ HELD = ("x", "P")
 class Traced:
     """A filter on matrices of ``size``: the section that starts a track, passed ``points`` times, and a step.
 
-    Every section reads m measurements and m valid flags, 0 or 1, and puts out x, then the diagonal of P.
+    Every section reads m valid flags, 0 or 1, and m measurements; then x and the diagonal of P are put out.
     ``constants`` are read once, before the first section.
     """
 
@@ -40,6 +39,12 @@ class Traced:
     start: Section
     step: Section
     constants: Mapping[str, Array]
+
+    @property
+    def outputs(self) -> tuple[tuple[str, int], ...]:
+        """What is put out after every section: elements of held matrices, in order."""
+        n = range(self.model.n)
+        return (*(("x", i) for i in n), *(("P", i * (self.size + 1)) for i in n))
 
 
 def traced(model: Model, algorithm: Algorithm, size: int) -> Traced:
@@ -61,9 +66,8 @@ def traced(model: Model, algorithm: Algorithm, size: int) -> Traced:
         n, m = model.n, model.m
         x = Vector(builder, builder.place(Held("x")), n)
         P = Matrix(builder, builder.place(Held("P")), (n, n))
-        z = Vector(builder, builder.place(Given("z", tuple(range(m)))), m)
-        diagonal = tuple(j * size + j for j in range(m))
-        V = Matrix(builder, builder.place(Given("V", diagonal)), (m, m))
+        V = Matrix(builder, builder.given("V", range(0, m * (size + 1), size + 1)), (m, m))
+        z = Vector(builder, builder.given("z", range(m)), m)
         return builder, Matrices(model=model, c=_constants(builder, size)), x, P, z, V
 
     builder, matrices, x, P, z, V = begin()
@@ -105,12 +109,9 @@ def _constants(builder: Builder, size: int) -> Any:
 
 
 def _section(name: str, builder: Builder, x: Vector, P: Matrix) -> Section:
-    outputs = [(x.index, i) for i in range(x.length)]
-    outputs += [(P.index, i * builder.size + i) for i in range(x.length)]
     return Section(
         name=name,
         nodes=tuple(builder.nodes),
         comments=dict(builder.comments),
         held={"x": x.index, "P": P.index},
-        outputs=tuple(outputs),
     )

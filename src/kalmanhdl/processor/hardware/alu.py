@@ -112,10 +112,10 @@ class Cofactors(wiring.Component):
 class Alu(wiring.Component):
     """The result of an instruction from its operands.
 
-    ``a`` is there from the third clock of the instruction on, ``fetched``, the second source as it comes
-    from the store, in the fourth, at whose end ``take_b`` keeps it; from the sixth on it is the destination. ``chosen`` is the element of ``a`` that
-    the instruction names. ``result`` stands in the eighth, and ``outside``: an element that the instruction
-    writes did not fit.
+    ``a`` is there from the third clock of the instruction on, ``fetched``, the second source as it comes from
+    the store, in the fourth, at whose end ``take_b`` keeps it; from the sixth on it is the destination.
+    ``chosen`` is the element of ``a`` that the instruction names. ``result`` stands in the eighth, and
+    ``outside``: an element that the instruction writes did not fit.
     """
 
     def __init__(self, core: Core) -> None:
@@ -155,7 +155,7 @@ class Alu(wiring.Component):
             value, outside = self._quantised(exact[e], 2)
             for opcode, (special, flag) in firsts if e == 0 else ():
                 value, outside = Mux(self._is(opcode), special, value), Mux(self._is(opcode), flag, outside)
-            value, outside = self._moved(e, value, outside)
+            value, outside = self._moved(e, b, value, outside)
             m.d.comb += self.result[e].eq(register(m, f"result_{e}", fitted(value, core.form.width, True)))
             m.d.sync += flags[e].eq(outside & written(core, self.opcode, e))
         m.d.comb += self.outside.eq(flags.any())
@@ -182,7 +182,9 @@ class Alu(wiring.Component):
         symmetric = self._is(*SYMMETRIC)
         if mirror != element:
             product = Mux(symmetric, products.sums[mirror], product)
-        kept = Mux(symmetric, self.fetched[mirror], self.fetched[element]).shift_left(self._core.form.fraction)
+        kept = Mux(symmetric, self.fetched[mirror], self.fetched[element]).shift_left(
+            self._core.form.fraction
+        )
         change = Mux(self._is(Opcode.SYMSUB_33, Opcode.MSUB_31), -product, product)
         return Mux(self._is(*ACCUMULATING), kept + change, product)
 
@@ -210,7 +212,7 @@ class Alu(wiring.Component):
         m.d.comb += unit.divisor.eq(Mux(a < 0, 0, a))
         return unit.quotient, unit.outside
 
-    def _moved(self, element: int, value: Value, outside: Value) -> tuple[Value, Value]:
+    def _moved(self, element: int, b: Signal, value: Value, outside: Value) -> tuple[Value, Value]:
         """The elements that only move."""
         core = self._core
         if not core.extended:
@@ -220,6 +222,7 @@ class Alu(wiring.Component):
             (Opcode.COPY, self.a[element]),
             (Opcode.TRANS_33, self.a[core.size * column + row]),
             (Opcode.PLACE, self.a[0]),
+            (Opcode.MASK_33, Mux(b[row * (core.size + 1)] != 0, self.a[element], 0)),
         ]
         if element == 0:
             moves.append((Opcode.PICK, self.chosen))

@@ -8,8 +8,8 @@ from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.alu import Alu
 from kalmanhdl.processor.hardware.branch_unit import BranchUnit
 from kalmanhdl.processor.hardware.control_store import ControlStore
-from kalmanhdl.processor.hardware.decoding import stores
 from kalmanhdl.processor.hardware.data_store import DataStore
+from kalmanhdl.processor.hardware.decoding import stores
 from kalmanhdl.processor.hardware.io_unit import IoUnit
 from kalmanhdl.processor.hardware.layouts import matrix_layout
 from kalmanhdl.processor.hardware.loader import Loader

@@ -59,21 +59,25 @@ class ElementUnit(wiring.Component):
             total = Mux(subtracts, a[e] - b[e], a[e] + b[e])
             value, outside = quantised(total, core.form.fraction, core.form, core.rounding, core.overflow)
             m.d.comb += flags[e].eq(outside & adds)
-            m.d.comb += self.result[e].eq(self._moved(opcode, e, a, incoming, value))
+            m.d.comb += self.result[e].eq(self._moved(opcode, e, (a, b), incoming, value))
         m.d.comb += self.outside.eq(flags.any())
         if core.extended:
             self._reciprocal(m, a)
         return m
 
-    def _moved(self, opcode: Value, element: int, a: Signal, incoming: Value, value: Value) -> Value:
+    def _moved(
+        self, opcode: Value, element: int, operands: tuple[Signal, Signal], incoming: Value, value: Value
+    ) -> Value:
         """An element of the result; ``value`` is that of a sum."""
         core = self._core
+        a, b = operands
         row, column = divmod(element, core.size)
         moves = [
             (Opcode.READ, incoming),
             (Opcode.COPY, a[element]),
             (Opcode.TRANS_33, a[core.size * column + row]),
             (Opcode.PLACE, a[0]),
+            (Opcode.MASK_33, Mux(b[row * (core.size + 1)] != 0, a[element], 0)),
         ]
         if element == 0:
             moves.append((Opcode.PICK, self.chosen))

@@ -10,7 +10,7 @@ from kalmanhdl.processor.instructions import ARGUMENT_BITS, ARGUMENTS, OPCODE_BI
 
 
 class FetchUnit(wiring.Component):
-    """``word`` is that of the ``store_address`` of the clock before; in the next one its instruction may issue.
+    """``word`` is that of the ``store_address`` of the clock before; in the next one it may issue.
 
     While ``blocked`` it stays. ``issued``: it takes effect in this clock. ``ahead`` are the arguments of the
     instruction that stands there in the next clock, for whoever looks its matrices up. A jump that is taken

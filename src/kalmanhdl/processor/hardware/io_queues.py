@@ -10,7 +10,7 @@ from kalmanhdl.processor.timing import QUEUE
 
 
 class Queue(wiring.Component):
-    """First in, first out. ``first`` is there while ``level`` is not zero; ``push`` needs room, ``pop`` a number."""
+    """First in, first out. ``first`` is there while ``level`` is not zero; ``push`` needs room."""
 
     def __init__(self, core: Core) -> None:
         word = signed(core.form.width)
@@ -42,11 +42,11 @@ class Queue(wiring.Component):
 
 
 class IoQueues(wiring.Component):
-    """Takes numbers while there is room, and gives them as they are taken; either strobe stays until it is answered.
+    """Takes numbers while there is room, and gives them as they are taken.
 
-    ``DRDY_I`` with ``ACK_I`` low brings a number; ``ACK_I`` falls once ``DRDY_I`` has. ``DRDY_O`` rises while
-    ``ACK_O`` is high and falls once ``ACK_O`` has. ``available``: ``first`` can be read; ``room``: a number can
-    be written behind the one that is written in this clock.
+    Either strobe stays until it is answered. ``DRDY_I`` with ``ACK_I`` low brings a number; ``ACK_I`` falls
+    once ``DRDY_I`` has. ``DRDY_O`` rises while ``ACK_O`` is high and falls once ``ACK_O`` has. ``available``:
+    ``first`` can be read; ``room``: a number can be written behind the one that is written in this clock.
     """
 
     def __init__(self, core: Core) -> None:

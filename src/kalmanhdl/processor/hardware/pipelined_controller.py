@@ -1,4 +1,4 @@
-"""The pipelined controller: fetch, operands, execute and write back of different instructions in every clock."""
+"""The pipelined controller: fetch, operands, execute and write back of different instructions at once."""
 
 from amaranth.hdl import Module, Mux, ResetSignal, Signal, Value, signed
 from amaranth.lib import wiring

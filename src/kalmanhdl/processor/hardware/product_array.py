@@ -1,6 +1,7 @@
 """The array of multipliers of a pipelined core: sums of products, so many elements of a result in a clock."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
@@ -12,17 +13,27 @@ from kalmanhdl.processor.hardware.alu import register
 from kalmanhdl.processor.hardware.decoding import is_one_of
 from kalmanhdl.processor.hardware.layouts import matrix_layout
 from kalmanhdl.processor.instructions import ACCUMULATING, OPCODE_BITS, SYMMETRIC, VECTORS, Opcode
-from kalmanhdl.processor.timing import Task, passes, passes_of
+from kalmanhdl.processor.timing import SPLIT, Task, passes, passes_of
 from kalmanhdl.rtl.quantiser import quantised
 
 
 def patterns(core: Core) -> dict[Opcode, tuple[Opcode, ...]]:
     """The instructions of the array that have the same tasks, under one of them."""
     minors = tuple((each,) for each in (Opcode.ADJ_33, Opcode.DET_33) if core.has(each))
-    matrices = (Opcode.MULT_33, Opcode.MULT_33T, Opcode.MULT_3S, Opcode.SCALE)
+    matrices = (Opcode.MULT_33, Opcode.MULT_33T)
+    scaled = (Opcode.MULT_3S, Opcode.SCALE)
     sums = (tuple(sorted(SYMMETRIC, key=lambda each: each.value)),) if core.extended else ()
     vectors = tuple(sorted(VECTORS, key=lambda each: each.value))
-    return {each[0]: each for each in (vectors, matrices, *sums, *minors)}
+    return {each[0]: each for each in (vectors, matrices, scaled, *sums, *minors)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Unit:
+    """What a unit has in the clock behind a pass: its products, their sum, and that with what it goes to."""
+
+    products: list[Value]
+    total: Value
+    exact: Value
 
 
 class ProductArray(wiring.Component):
@@ -77,11 +88,12 @@ class ProductArray(wiring.Component):
         then = Signal.like(now, name="stored_pass")
         subtracted = Signal()
         m.d.sync += [then.eq(now), subtracted.eq(subtracts)]
-        minor = self._any_minor(m, then)
-        sums = [self._unit(m, unit, now, (a, b, c), minor, subtracted) for unit in range(core.units)]
-        self._collect(m, then, sums)
+        minor = self._where(m, then, "minor", {Opcode.ADJ_33, Opcode.DET_33})
+        split = self._where(m, then, "split", SPLIT)
+        units = [self._unit(m, unit, now, (a, b, c), minor, subtracted) for unit in range(core.units)]
+        self._collect(m, then, [self._found(split, unit) for unit in units])
         if core.has(Opcode.DET_33):
-            self._determinant(m, then, sums, a)
+            self._determinant(m, then, [unit.total for unit in units], a)
         return m
 
     def _cases(self) -> Iterator[tuple[int, Opcode, int, tuple[Task, ...]]]:
@@ -101,8 +113,7 @@ class ProductArray(wiring.Component):
         operands: Sequence[Signal],
         minor: Value,
         subtracted: Value,
-    ) -> tuple[Value, Value]:
-        """The exact sum of a unit, and the number that it is added to or subtracted from."""
+    ) -> _Unit:
         a, b, c = operands
         core = self._core
         word = signed(core.form.width)
@@ -112,13 +123,15 @@ class ProductArray(wiring.Component):
         ]
         kept = Signal(word, name=f"kept_{unit}")
         with m.Switch(now):
-            for value, _, _, tasks in self._cases():
-                if unit < len(tasks):
+            for value, pattern, _, tasks in self._cases():
+                own = self._own(pattern, tasks, unit)
+                if own:
                     with m.Case(value):
-                        for (left, right), term in zip(factors, tasks[unit].terms, strict=False):
+                        terms = [term for task in own for term in task.terms]
+                        for (left, right), term in zip(factors, terms, strict=False):
                             source = a if term.minor else b
                             m.d.comb += [left.eq(a[term.left]), right.eq(source[term.right])]
-                        m.d.comb += kept.eq(c[tasks[unit].element])
+                        m.d.comb += kept.eq(c[own[0].element])
         products = [
             register(m, f"product_{unit}_{k}", left * right) for k, (left, right) in enumerate(factors)
         ]
@@ -127,25 +140,33 @@ class ProductArray(wiring.Component):
         exact = Signal(signed(self.sum_width), name=f"exact_{unit}")
         base = register(m, f"base_{unit}", kept).shift_left(core.form.fraction)
         m.d.comb += exact.eq(Mux(subtracted, base - total, base + total))
-        return exact, total
+        return _Unit(products, total, exact)
 
-    def _any_minor(self, m: Module, then: Value) -> Signal:
-        """Whether the second products of a pass are subtracted from the first."""
-        minor = Signal()
+    def _own(self, pattern: Opcode, tasks: Sequence[Task], unit: int) -> Sequence[Task]:
+        """The tasks of a unit in a pass."""
+        each = self._core.size if pattern in SPLIT else 1
+        return tasks[each * unit : each * (unit + 1)]
+
+    def _where(self, m: Module, then: Value, name: str, alike: Container[Opcode]) -> Signal:
+        """Whether the pass is that of some patterns."""
+        found = Signal(name=name)
         with m.Switch(then):
-            for value, _, _, tasks in self._cases():
-                if any(term.subtracted for task in tasks for term in task.terms):
+            for value, pattern, _, _ in self._cases():
+                if pattern in alike:
                     with m.Case(value):
-                        m.d.comb += minor.eq(1)
-        return minor
+                        m.d.comb += found.eq(1)
+        return found
 
-    def _collect(self, m: Module, then: Value, sums: Sequence[tuple[Value, Value]]) -> None:
+    def _found(self, split: Value, unit: _Unit) -> list[tuple[Value, Value]]:
+        """The numbers that a unit finds, with their flags: its sum, or each of its products."""
+        core = self._core
+        exact = [Mux(split, unit.products[0], unit.exact), *unit.products[1:]]
+        fraction = 2 * core.form.fraction
+        return [quantised(each, fraction, core.form, core.rounding, core.overflow) for each in exact]
+
+    def _collect(self, m: Module, then: Value, found: Sequence[Sequence[tuple[Value, Value]]]) -> None:
         """Elements in the clock in which they are found, kept until the last ones are."""
         core = self._core
-        found = [
-            quantised(exact, 2 * core.form.fraction, core.form, core.rounding, core.overflow)
-            for exact, _ in sums
-        ]
         collected = Signal(matrix_layout(core), reset_less=True)
         kept_outside, first = Signal(reset_less=True), Signal()
         outside = Signal()
@@ -153,9 +174,13 @@ class ProductArray(wiring.Component):
         with m.Switch(then):
             for value, pattern, left, tasks in self._cases():
                 with m.Case(value):
-                    for (number, _), task in zip(found, tasks, strict=False):
-                        m.d.comb += [self.result[e].eq(number) for e in self._places(pattern, task.element)]
-                    flags = [flag for (_, flag), _ in zip(found, tasks, strict=False)]
+                    flags = []
+                    for unit, numbers in enumerate(found):
+                        own = self._own(pattern, tasks, unit)
+                        for (number, flag), task in zip(numbers, own, strict=False):
+                            places = self._places(pattern, task.element)
+                            m.d.comb += [self.result[e].eq(number) for e in places]
+                            flags.append(flag)
                     m.d.comb += outside.eq(Cat(*flags).any())
                     m.d.comb += first.eq(left == passes(pattern, core))
         m.d.comb += self.outside.eq(outside | (kept_outside & ~first))
@@ -166,7 +191,7 @@ class ProductArray(wiring.Component):
         mirrored = {self._core.size * column + row} if pattern in SYMMETRIC else set()
         return {element} | mirrored
 
-    def _determinant(self, m: Module, then: Value, sums: Sequence[tuple[Value, Value]], a: Signal) -> None:
+    def _determinant(self, m: Module, then: Value, totals: Sequence[Value], a: Signal) -> None:
         """The first row times its cofactors, on multipliers of its own."""
         core = self._core
         cofactors = Signal(ArrayLayout(signed(2 * core.form.width + 1), 3), reset_less=True)
@@ -174,7 +199,7 @@ class ProductArray(wiring.Component):
             for value, pattern, _, tasks in self._cases():
                 if pattern is Opcode.DET_33:
                     with m.Case(value):
-                        for (_, total), task in zip(sums, tasks, strict=False):
+                        for total, task in zip(totals, tasks, strict=False):
                             m.d.sync += cofactors[task.element].eq(total)
         # The row goes along with the products: the array may have its next operands by then.
         terms = [

@@ -32,10 +32,12 @@ def result_layout(core: Core) -> StructLayout:
 
 
 class Scoreboard(wiring.Component):
-    """``blocked``: the instruction must wait, for its sources, for an earlier result of its destination, for the
+    """Which results are on their way, and where to.
+
+    ``blocked``: the instruction must wait, for its sources, for an earlier result of its destination, for the
     array of multipliers, or for the way into the store. ``issued`` puts its result on the way; ``array_left``
-    are the passes that the array has left, ``starts`` is high where it takes the instruction. ``stored`` is the
-    result that is stored in this clock: whoever issues in it can have it.
+    are the passes that the array has left, ``starts`` is high where it takes the instruction. ``stored`` is
+    the result that is stored in this clock: whoever issues in it can have it.
     """
 
     def __init__(self, core: Core) -> None:
@@ -79,7 +81,11 @@ class Scoreboard(wiring.Component):
             same = result.matrix == addresses[2]
             late = (takes == remains) | (same & (takes < remains))
             waits = waits | (valid & (takes != 0) & late)
-        m.d.comb += [self.blocked.eq(waits), self.stored.eq(slots[0]), self.starts.eq(self.issued & uses_array)]
+        m.d.comb += [
+            self.blocked.eq(waits),
+            self.stored.eq(slots[0]),
+            self.starts.eq(self.issued & uses_array),
+        ]
         new = Signal(result_layout(core))
         m.d.comb += [
             new.valid.eq(self.issued & (takes != 0)),
