@@ -1,8 +1,9 @@
 """The processor's simulator against its Verilog: every instruction on random operands, and random programs.
 
-    python benchmarks/processor.py [--operands 100000] [--programs 10000]
+    python benchmarks/processor.py [--operands 100000] [--programs 10000] [--only pipelined]
 
-Each is shared out over cores of several word lengths, roundings and overflows.
+Each is shared out over cores of several word lengths, roundings and overflows, with eight clocks an
+instruction and pipelined; ``--only`` takes those whose name has this word.
 """
 
 import argparse
@@ -16,27 +17,35 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "processor"))
 from conftest import CORES
 from random_programs import every_instruction, number, random_peripherals, random_program
 
-from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.peripherals import BenchSink, BenchSource
+from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
 from kalmanhdl.processor.simulator import Machine
 from kalmanhdl.processor.verification import compare
 from kalmanhdl.processor.verilog import core_verilog
 
 SLICE = 2000
-ALL = {**CORES, "32 bits": Core(form=Fixed(width=32, fraction=24), program_words=256)}
+ALL = {
+    **CORES,
+    "32 bits": Core(form=Fixed(width=32, fraction=24), program_words=256),
+    "pipelined, N^3, the paper's instructions": Core(
+        form=Fixed(width=8, fraction=4), rounding=Rounding.FLOOR, overflow=Overflow.WRAP, units=9
+    ),
+}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--operands", type=int, default=100_000)
     parser.add_argument("--programs", type=int, default=10_000)
+    parser.add_argument("--only", default="")
     asked = parser.parse_args()
-    share = len(ALL)
-    for index, (name, core) in enumerate(ALL.items()):
+    chosen = {name: core for name, core in ALL.items() if asked.only in name}
+    share = len(chosen)
+    for index, (name, core) in enumerate(chosen.items()):
         with RtlSimulation(core, core_verilog(core)) as rtl:
-            machine = Machine(core, BenchSource(()), BenchSink())
+            machine = Machine(core, *bench(core, ()))
             begin, rng = time.perf_counter(), random.Random(index)
             operands = -(-asked.operands // share)
             equal = on_operands(core, rtl, machine, rng, operands)

@@ -11,7 +11,14 @@ from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
 from kalmanhdl.errors import DesignError, OutputError
 from kalmanhdl.loading_commands import image
-from kalmanhdl.processor_commands import asm, compile_filter, disasm, execute
+from kalmanhdl.processor_commands import (
+    asm,
+    build_processor,
+    compile_filter,
+    disasm,
+    execute,
+    show_processor,
+)
 from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
@@ -23,6 +30,8 @@ if TYPE_CHECKING:
 
 _MOST = 1_000_000_000
 _PICTURES = (".png", ".svg")
+# A step of a program is many clocks, each of which the instruction-set simulator lives through.
+_STEPS_OF_A_PROGRAM = 1000
 # Doubles compute wider words no better.
 _WIDEST = 48
 
@@ -106,6 +115,10 @@ def build(
     chosen = _retargeted(_load(design, constant), seeds=seeds, grade=grade)
     simulators = _simulators(simulator)
     place = out or Path("build") / chosen.name
+    if chosen.processor is not None:
+        rows = 0 if no_verify else steps or _STEPS_OF_A_PROGRAM
+        build_processor(chosen, place, data=data, steps=rows, place=not no_place, force=force)
+        return
     check_folder(place, force=force)
     plots = _read(data, chosen)
     with Progress() as progress:
@@ -239,6 +252,9 @@ def show(
     if out is not None and out.suffix.lower() not in _PICTURES:
         raise typer.BadParameter(f"{out}: write a .png or .svg", param_hint="--out")
     chosen = _load(design, constant)
+    if chosen.processor is not None:
+        show_processor(chosen)
+        return
     typed, plan = planned_design(chosen)
     if out is not None:
         _draw(chosen, plan, out)

@@ -140,6 +140,39 @@ class Architecture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Processor:
+    """The programmable matrix processor in place of hardware of the filter's own (``kind = "processor"``).
+
+    Matrices of ``size`` by ``size``, by default as large as the filter needs; words of ``width`` bits,
+    ``fraction`` of them behind the point, by default as many as the filter's numbers leave.
+    ``multipliers`` for the products of matrices, a multiple of the size up to its cube: instructions overlap;
+    0 is the paper's mode, eight clocks an instruction. ``matrices`` and ``program_words``, powers of two up
+    to 512, are the sizes of the stores.
+    """
+
+    size: int | None = None
+    width: int = 32
+    fraction: int | None = None
+    multipliers: int | None = None
+    matrices: int = 64
+    program_words: int = 512
+
+    def __post_init__(self) -> None:
+        if self.size is not None:
+            _check_integer("architecture", "size", self.size, 2, 16)
+        _check_integer("architecture", "width", self.width, 8, 32)
+        if self.fraction is not None:
+            _check_integer("architecture", "fraction", self.fraction, 0, self.width)
+        if self.multipliers is not None:
+            _check_integer("architecture", "multipliers", self.multipliers, 0, 16**3)
+        for key in ("matrices", "program_words"):
+            value = getattr(self, key)
+            _check_integer("architecture", key, value, 2, 512)
+            if value & (value - 1):
+                raise InvalidValueError("architecture", key, f" = {value}: a power of two from 2 to 512")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """The device, its speed grade, and how many placements are tried.
 
@@ -164,7 +197,8 @@ _PORT = re.compile(r"(lane_\d+_)?(in|out)_")
 class Design:
     """What is estimated, how, with which numbers, how fast and on which device.
 
-    A word for ``algorithm`` is the algorithm of that kind with its defaults.
+    A word for ``algorithm`` is the algorithm of that kind with its defaults. With a ``processor`` the filter
+    becomes a program of it, and ``architecture`` says nothing.
 
     Raises:
         DesignError: a name, an algorithm or a number that cannot be.
@@ -176,6 +210,7 @@ class Design:
     numerics: FixedSpecification | FloatSpecification = field(default_factory=FixedSpecification)
     architecture: Architecture = field(default_factory=Architecture)
     target: Target = field(default_factory=Target)
+    processor: Processor | None = None
 
     def __post_init__(self) -> None:
         problem = identifier_problem(self.name)
@@ -270,6 +305,7 @@ _PARTS: dict[str, tuple[type, ...]] = {
     "numerics": (FixedSpecification, FloatSpecification),
     "architecture": (Architecture,),
     "target": (Target,),
+    "processor": (Processor, type(None)),
 }
 
 

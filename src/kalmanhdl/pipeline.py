@@ -161,7 +161,13 @@ def interface_of(design: Design, plan: Plan) -> Interface:
 
 
 def numbers_of(design: Design) -> Numbers | FloatNumbers:
-    """The numbers of a design, fixed or floating point. Raises FormatError."""
+    """The numbers of a design, fixed or floating point.
+
+    Raises FormatError, and DesignError for a design whose filter is a program of the processor.
+    """
+    if design.processor is not None:
+        problem = ' = "processor": only build and show know it: use "datapath" for all else'
+        raise InvalidValueError("architecture", "kind", problem)
     loadable = design.architecture.coefficients is Coefficients.LOADABLE
     if isinstance(design.numerics, FloatSpecification):
         if loadable:

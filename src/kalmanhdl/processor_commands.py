@@ -10,6 +10,7 @@ from kalmanhdl.console import reported
 from kalmanhdl.errors import DataError, OutputError, ProgramError
 
 if TYPE_CHECKING:
+    from kalmanhdl.design import Design
     from kalmanhdl.model.model import Array, Model
     from kalmanhdl.processor.clocks import Retired
     from kalmanhdl.processor.core import Core
@@ -123,7 +124,7 @@ def compile_filter(
     from kalmanhdl.processor.compiler.folder import contents, off_reference
     from kalmanhdl.processor.compiler.generate import constants_read
     from kalmanhdl.processor.compiler.trace import traced
-    from kalmanhdl.simulate.data import read_plots
+    from kalmanhdl.processor.fit import begun
 
     check_folder(out, force=force)
     core = _core(width, fraction, rounding, overflow, size, multipliers)
@@ -131,12 +132,7 @@ def compile_filter(
     filter_ = traced(chosen.model, chosen.algorithm, size)
     z = None
     if data is not None:
-        plots = read_plots(data, chosen.model)
-        if len(plots.tracks) > 1:
-            raise DataError(
-                f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone"
-            )
-        z = _begun(plots.z, chosen.model)
+        z = begun(_alone(data, chosen.model), filter_.model)
     # Says so where a constant does not fit.
     constants_read(filter_, core)
     found = contents(filter_, core, z)
@@ -147,19 +143,66 @@ def compile_filter(
     typer.echo(f"{chosen.name}: {words} words of program for matrices of {size} by {size} of {core.form}")
     if z is not None:
         typer.echo(
-            f"estimates at most {off_reference(filter_, chosen.algorithm, core, z):.3g} off double precision"
+            f"estimates at most {off_reference(filter_, chosen.algorithm, core, z).max():.3g} "
+            "off double precision"
         )
     typer.echo(f"program: {out / 'program.lst'}")
 
 
-def _begun(z: "Array", model: "Model") -> "Array":
-    """The rows from the start of the track on."""
-    import numpy as np
+def build_processor(
+    design: "Design",
+    out: Path,
+    *,
+    data: Path | None,
+    steps: int,
+    place: bool,
+    force: bool,
+) -> None:
+    """Build a design with ``[architecture] kind = "processor"`` into a folder, and print what came out."""
+    from kalmanhdl.build import prepare
+    from kalmanhdl.console import Progress
+    from kalmanhdl.design_file import dumps
+    from kalmanhdl.output import check_folder, new_folder
+    from kalmanhdl.processor.build import build, figures, results, summary
+    from kalmanhdl.processor.fit import fitted
+    from kalmanhdl.report.writer import json_text
+    from kalmanhdl.tables import processor_table
 
-    from kalmanhdl.simulate.commands import Command, commands
+    check_folder(out, force=force)
+    z = None if data is None else _alone(data, design.model)
+    with Progress() as progress:
+        prepare(place=place, progress=progress)
+        progress("compiling the filter to a program")
+        fit = fitted(design)
+        built = build(fit, z, steps=steps, place=place, progress=progress)
+    with new_folder(out, force=force) as folder:
+        texts = {"design.toml": dumps(design), **built.files, "report.json": json_text(figures(built))}
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    typer.echo(processor_table([*summary(fit), *results(built)]))
+    typer.echo(f"report: {out / 'report.json'}")
 
-    given = commands(model, z, np.ones(z.shape[:2], bool))[:, 0]
-    return np.asarray(z[given != Command.NONE, 0])
+
+def show_processor(design: "Design") -> None:
+    """Print the listing of a design's program, and what it takes."""
+    from kalmanhdl.processor.build import summary
+    from kalmanhdl.processor.fit import fitted
+    from kalmanhdl.processor.program import listing
+    from kalmanhdl.tables import processor_table
+
+    fit = fitted(design)
+    typer.echo(listing(fit.program))
+    typer.echo(processor_table(summary(fit)))
+
+
+def _alone(data: Path, model: "Model") -> "Array":
+    """The measurements (steps, m) of a file with one track."""
+    from kalmanhdl.simulate.data import read_plots
+
+    plots = read_plots(data, model)
+    if len(plots.tracks) > 1:
+        raise DataError(f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone")
+    return plots.z[:, 0]
 
 
 def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[["Retired"], None]:

@@ -185,6 +185,11 @@ def implementation_table(plan: Plan, architecture: Architecture, implemented: Im
     return f"{best.device} grade {best.grade}, {best.tool}\n{_aligned(rows)}"
 
 
+def processor_table(rows: Iterable[tuple[str, str]]) -> str:
+    """What a design's program, its core and its verification are, a line each."""
+    return _aligned(list(rows))
+
+
 def reproduction_table(found: Reproduction) -> str:
     """A paper's figures and those of the run, and what they rest on."""
     notes = "\n".join(f"- {note}" for note in found.notes)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
-from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.design import Architecture, Design, Processor, Target
 from kalmanhdl.design_file.lines import line_of
 from kalmanhdl.design_file.schema import (
     ALGORITHM_TABLES,
@@ -30,6 +30,7 @@ from kalmanhdl.design_file.schema import (
     MotionTable,
     MultipleTable,
     NonlinearTable,
+    ProcessorTable,
     RootTable,
     Table,
     TargetTable,
@@ -126,32 +127,45 @@ def _parsed(text: str, source: str) -> dict[str, Any]:
 def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Design:
     root = _checked(RootTable, tables, "", Context({}))
     context = Context(_constants(root.model.get("constants", {}), constants))
-    architecture = _checked(ArchitectureTable, root.architecture, "architecture", context)
+    architecture, processor = _architecture(root.architecture, context)
     target = _checked(TargetTable, root.target, "target", context)
-    interval = None if architecture.interval == "bound" else architecture.interval
     return Design(
         name=root.name,
         model=_model(root.model, context),
         algorithm=_algorithm(root.algorithm, context),
         numerics=_numerics(root.numerics, context),
-        architecture=Architecture(
-            interval=interval,
-            channels=architecture.channels,
-            clock_mhz=architecture.clock_mhz,
-            multiplier_blocks=architecture.multiplier_blocks,
-            multiplier=architecture.multiplier,
-            units=architecture.units,
-            latency=architecture.latency,
-            clocks=architecture.clocks,
-            iterative=architecture.iterative,
-            updates_per_second=architecture.updates_per_second,
-            solver_seconds=architecture.solver_seconds,
-            lanes=architecture.lanes,
-            streams=architecture.streams,
-            coefficients=architecture.coefficients,
-        ),
+        architecture=architecture,
         target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
+        processor=processor,
     )
+
+
+def _architecture(table: dict[str, Any], context: Context) -> tuple[Architecture, Processor | None]:
+    """Hardware of the filter's own, or the processor."""
+    kind = table.get("kind", "datapath")
+    if kind == "processor":
+        checked = _checked(ProcessorTable, table, "architecture", context)
+        return Architecture(), Processor(**checked.model_dump(exclude={"kind"}))
+    if kind != "datapath":
+        hint = nearest(str(kind), ("datapath", "processor"))
+        raise InvalidValueError("architecture", "kind", f" = {shown(kind)} is unknown: {hint}")
+    asked = _checked(ArchitectureTable, table, "architecture", context)
+    return Architecture(
+        interval=None if asked.interval == "bound" else asked.interval,
+        channels=asked.channels,
+        clock_mhz=asked.clock_mhz,
+        multiplier_blocks=asked.multiplier_blocks,
+        multiplier=asked.multiplier,
+        units=asked.units,
+        latency=asked.latency,
+        clocks=asked.clocks,
+        iterative=asked.iterative,
+        updates_per_second=asked.updates_per_second,
+        solver_seconds=asked.solver_seconds,
+        lanes=asked.lanes,
+        streams=asked.streams,
+        coefficients=asked.coefficients,
+    ), None
 
 
 def _constants(table: object, instead: Mapping[str, float | str]) -> dict[str, float]:

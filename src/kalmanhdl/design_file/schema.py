@@ -278,8 +278,9 @@ class FloatTable(Table):
 
 
 class ArchitectureTable(Table):
-    """How fast, and for how many tracks."""
+    """``kind = "datapath"``: hardware of the filter's own; how fast, and for how many tracks."""
 
+    kind: Literal["datapath"] = "datapath"
     interval: Integer | Literal["bound"] = "bound"
     channels: Integer = 1
     clock_mhz: Number | None = None
@@ -294,6 +295,18 @@ class ArchitectureTable(Table):
     lanes: Integer = 1
     streams: Streams = Streams.ONE
     coefficients: Coefficients = Coefficients.FIXED
+
+
+class ProcessorTable(Table):
+    """``kind = "processor"``: the programmable matrix processor."""
+
+    kind: Literal["processor"]
+    size: Integer | None = None
+    width: Integer = 32
+    fraction: Integer | None = None
+    multipliers: Integer | None = None
+    matrices: Integer = 64
+    program_words: Integer = 512
 
 
 class TargetTable(Table):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm import Algorithm
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.design import Architecture, Design, Processor, Target
 from kalmanhdl.errors import OutputError
 from kalmanhdl.model.converted import ConvertedModel
 from kalmanhdl.model.formulas import Formulas
@@ -54,7 +54,7 @@ def dumps(design: Design) -> str:
         _numerics(design.numerics),
         _signals(design.numerics),
         _headroom(design.numerics),
-        _architecture(design.architecture),
+        _processor(design.processor) if design.processor else _architecture(design.architecture),
         _target(design.target),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
@@ -280,6 +280,12 @@ def _architecture(architecture: Architecture) -> Lines:
 def _counts(counts: Mapping[str, int]) -> str:
     listed = ", ".join(f"{kind} = {count}" for kind, count in counts.items())
     return f"{{ {listed} }}" if listed else "{}"
+
+
+def _processor(processor: Processor) -> Lines:
+    given = {key.name: getattr(processor, key.name) for key in fields(processor)}
+    lines = [f"{name} = {value}" for name, value in given.items() if value is not None]
+    return ["[architecture]", 'kind = "processor"', *lines]
 
 
 def _target(target: Target) -> Lines:

@@ -73,7 +73,7 @@ def passes_of(opcode: Opcode, core: Core) -> tuple[tuple[Task, ...], ...]:
 
     The second source is a matrix by then: a vector its first column, a number on its diagonal.
     """
-    tasks = _tasks(opcode, core) if opcode in _OF_ARRAY else []
+    tasks = _tasks(opcode, core) if opcode in _OF_ARRAY and core.has(opcode) else []
     step = core.units * (core.size if opcode in SPLIT else 1)
     return tuple(tuple(tasks[k : k + step]) for k in range(0, len(tasks), step))
 

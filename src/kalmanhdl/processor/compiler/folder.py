@@ -57,15 +57,16 @@ def contents(filter_: Traced, core: Core, z: Array | None = None) -> Mapping[str
     return found
 
 
-def off_reference(filter_: Traced, algorithm: Algorithm, core: Core, z: Array) -> float:
-    """How far the estimates are from those in double precision at most, in the model's units."""
+def off_reference(filter_: Traced, algorithm: Algorithm, core: Core, z: Array) -> Array:
+    """How far the estimates are from those in double precision at most, in the model's units. Shape (n,)."""
     model, cube = filter_.model, z[:, None]
     issued = commands(model, cube, np.ones(cube.shape[:2], bool))
     exact = reference(algorithm(model), issued, cube, np.zeros((len(z), 1, 0))).x[:, 0]
     engine = Engine(filter_, core)
     sent = np.array([engine.step(row) for row in rows_read(core, z)], float)
     found = sent[:, : model.n] * float(core.form.resolution)
-    return float(np.abs(found - exact)[started(model, issued)[:, 0]].max(initial=0.0))
+    running = started(model, issued)[:, 0]
+    return np.asarray(np.abs(found - exact)[running].max(axis=0, initial=0.0))
 
 
 def _description() -> str:

@@ -1,0 +1,180 @@
+"""A design on the processor: its units, the core and the format that it needs, and its program."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Taylor, steady_state
+from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.design import Design, Processor
+from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.model import Array
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.numerics.ranges import Plots, simulated
+from kalmanhdl.numerics.scaling import Scaling
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.numerics.units import units
+from kalmanhdl.processor.compiler.evaluate import Engine
+from kalmanhdl.processor.compiler.filters import ADJUGATE
+from kalmanhdl.processor.compiler.generate import compiled, constants_read, rows_read, source
+from kalmanhdl.processor.compiler.trace import Traced, traced
+from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.program import Program
+from kalmanhdl.simulate.commands import Command, commands
+from kalmanhdl.validation import InvalidValueError
+
+_TRIED_TRACKS, _TRIED_STEPS = 6, 32
+_HEADROOM = 1
+"""Bits above the point that the numbers of the tried tracks leave free, where the tool places the point."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A design's filter in the units of the hardware, the core that it runs on, and its program.
+
+    ``model`` and ``algorithm`` are those in these units.
+    """
+
+    design: Design
+    scaling: Scaling
+    model: LinearModel
+    algorithm: Algorithm
+    core: Core
+    filter_: Traced
+    program: Program
+
+
+def fitted(design: Design) -> Fitted:
+    """The program of a design with a processor.
+
+    Raises DesignError, naming the key, for what the processor has no program for or what does not fit it.
+    """
+    processor, numerics = design.processor, design.fixed_point
+    assert processor is not None
+    model = design.model
+    if not isinstance(model, LinearModel):
+        problem = f' = "{model.kind}": the processor has programs for linear models: use "datapath" for it'
+        raise InvalidValueError("model", "kind", problem)
+    plots = simulated(model, numerics.coast, _TRIED_STEPS, _TRIED_TRACKS)
+    scaling = units(model, design.algorithm(model), _scaled(numerics, model), plots)
+    inner = model.in_units(scaling)
+    algorithm = _in_units(design.algorithm, model, scaling)
+    size = processor.size or _size(inner, algorithm)
+    try:
+        filter_ = traced(inner, algorithm, size)
+        tried = [begun(z, inner) for z in tracks(plots, scaling)]
+        core = _core(processor, design, filter_, tried)
+        constants_read(filter_, core)
+        program = compiled(filter_, core)
+    except ProgramError as error:
+        raise InvalidValueError("architecture", "kind", f' = "processor": {error}') from None
+    return Fitted(
+        design=design,
+        scaling=scaling,
+        model=inner,
+        algorithm=algorithm,
+        core=core,
+        filter_=filter_,
+        program=program,
+    )
+
+
+def listed(fit: Fitted) -> str:
+    """The source of the program."""
+    return source(fit.filter_, fit.core)
+
+
+def begun(z: Array, model: LinearModel) -> Array:
+    """The rows (steps, m) from the start of a track on."""
+    given = commands(model, z[:, None], np.ones((len(z), 1), bool))[:, 0]
+    return np.asarray(z[given != Command.NONE])
+
+
+def tracks(plots: Plots, scaling: Scaling) -> list[Array]:
+    """The measurements of every track in the units of the hardware, NaN where missed: (steps, m) each."""
+    found = []
+    for track in range(plots.z.shape[1]):
+        z = np.where(plots.valid[:, track], plots.z[:, track], np.nan) / scaling.measurement
+        relevant = plots.relevant[:, track]
+        found.append(z[: len(z) if relevant.all() else int(np.argmin(relevant))])
+    return [each for each in found if len(each)]
+
+
+def _scaled(numerics: FixedSpecification, model: LinearModel) -> FixedSpecification:
+    """Where the tool chooses: powers of two near the settled deviations, as all variances share a format."""
+    if numerics.scale != "auto":
+        return numerics
+    deviations = np.sqrt(np.diag(steady_state.steady_prior(model)))
+    powers = 2.0 ** np.round(np.log2(np.where(deviations > 0, deviations, 1.0)))
+    return replace(numerics, scale=tuple(map(float, powers)))
+
+
+def _in_units(algorithm: Algorithm, model: LinearModel, scaling: Scaling) -> Algorithm:
+    if not isinstance(algorithm, Taylor):
+        return algorithm
+    point = algorithm.point(model) / scaling.covariances()
+    return Taylor(tuple(tuple(map(float, row)) for row in point), newton=algorithm.newton)
+
+
+def _size(model: LinearModel, algorithm: Algorithm) -> int:
+    inverts = isinstance(algorithm, Conventional | Joseph) and 1 < model.m <= ADJUGATE
+    return max(2, model.n, model.m, ADJUGATE if inverts else 0)
+
+
+def _core(processor: Processor, design: Design, filter_: Traced, tried: list[Array]) -> Core:
+    size = filter_.size
+    multipliers = size * size if processor.multipliers is None else processor.multipliers
+    if multipliers % size or multipliers > size**3:
+        raise InvalidValueError(
+            "architecture",
+            "multipliers",
+            f" = {multipliers}: a multiple of the matrices' size, {size}, up to {size**3}; 0: eight clocks",
+        )
+    numerics = design.fixed_point
+
+    def core(fraction: int) -> Core:
+        return Core(
+            form=Fixed(width=processor.width, fraction=fraction),
+            rounding=numerics.rounding,
+            overflow=numerics.overflow,
+            matrices=processor.matrices,
+            program_words=processor.program_words,
+            size=size,
+            extended=True,
+            units=multipliers // size,
+        )
+
+    if processor.fraction is not None:
+        return core(processor.fraction)
+    # Too many bits behind the point saturate, and so may too few, where a variance is rounded to nothing.
+    for fraction in range(processor.width - 2, 0, -1):
+        if _holds(filter_, core(fraction), tried):
+            roomier = core(fraction - _HEADROOM)
+            return roomier if _holds(filter_, roomier, tried) else core(fraction)
+    raise InvalidValueError(
+        "architecture", "width", f" = {processor.width}: no place of the point holds the filter's numbers"
+    )
+
+
+def _holds(filter_: Traced, core: Core, tried: list[Array]) -> bool:
+    """Whether the constants and everything computed on some tracks are numbers of the core's format."""
+    most = float(core.form.real(core.form.highest))
+    if any(np.abs(constant).max(initial=0.0) > most for constant in filter_.constants.values()):
+        return False
+    for z in tried:
+        engine = _engine(filter_, core)
+        if engine is None:
+            return False
+        for row in rows_read(core, z):
+            engine.step(row)
+            if engine.saturated:
+                return False
+    return True
+
+
+def _engine(filter_: Traced, core: Core) -> Engine | None:
+    """None where nothing would be left of a constant."""
+    try:
+        return Engine(filter_, core)
+    except ProgramError:
+        return None

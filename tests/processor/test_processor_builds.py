@@ -1,0 +1,153 @@
+"""Designs with ``[architecture] kind = "processor"``: built whole, and refused with the key's name."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from kalmanhdl.cli import app
+from kalmanhdl.design import Design
+from kalmanhdl.design_file import dumps, loads
+from kalmanhdl.errors import DesignError
+from kalmanhdl.pipeline import compile_design
+from kalmanhdl.processor.compiler.evaluate import Engine
+from kalmanhdl.processor.compiler.generate import rows_read, tokens
+from kalmanhdl.processor.fit import begun, fitted
+from kalmanhdl.processor.peripherals import bench
+from kalmanhdl.processor.simulator import Machine, run
+
+RADAR = """
+name = "radar"
+[model]
+kind = "linear"
+state = ["range", "range_rate", "bearing", "bearing_rate"]
+measurement = ["range_plot", "bearing_plot"]
+F = [[1, "T", 0, 0], [0, 1, 0, 0], [0, 0, 1, "T"], [0, 0, 0, 1]]
+H = [[1, 0, 0, 0], [0, 0, 1, 0]]
+Q = { diagonal = [0, 330.0, 0, 1.3e-8] }
+R = { diagonal = [1.0e6, 2.9e-4] }
+constants = { T = 15.0 }
+[model.initial]
+kind = "two_point"
+[architecture]
+kind = "processor"
+"""
+ALTITUDE = """
+name = "altitude"
+[model]
+kind = "constant_velocity"
+T = 1.0
+noise = 0.5
+R = [[9.0]]
+[model.initial]
+kind = "two_point"
+[architecture]
+kind = "processor"
+width = 24
+matrices = 32
+program_words = 128
+"""
+
+
+def test_a_design_of_any_units_is_fitted_to_a_core():
+    fit = fitted(loads(RADAR))
+    assert (fit.core.size, fit.core.multipliers, fit.core.form.width) == (4, 16, 32)
+    z = np.cumsum(np.random.default_rng(1).normal(scale=300.0, size=(80, 2)), axis=0) * [1.0, 1e-4]
+    z[30] = z[41, 0] = np.nan
+    rows = rows_read(fit.core, begun(z / fit.scaling.measurement, fit.model))
+    engine = Engine(fit.filter_, fit.core)
+    wanted = [number for row in rows for number in engine.step(row)]
+    machine = Machine(fit.core, *bench(fit.core, tokens(fit.filter_, fit.core, rows)))
+    machine.load(fit.program.words)
+    assert list(run(machine, 1_000_000).sent) == wanted
+    assert not engine.saturated
+    assert not machine.saturated
+
+
+def test_a_file_with_a_processor_is_written_and_read_again():
+    design = loads(ALTITUDE)
+    assert loads(dumps(design)).processor == design.processor
+    assert design.processor.program_words == 128
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("multipliers", [0, 4])
+def test_a_design_is_built_from_file_to_verified_core(tmp_path, multipliers):
+    (tmp_path / "altitude.toml").write_text(ALTITUDE + f"multipliers = {multipliers}\n")
+    z = np.cumsum(np.random.default_rng(2).normal(size=30)) + np.arange(30)
+    lines = [f"{value:.3f}" if k != 17 else "" for k, value in enumerate(z)]
+    (tmp_path / "altitude.csv").write_text(
+        "x_plot\n" + "\n".join(f"{line}," for line in lines).replace(",", "") + "\n"
+    )
+    out = tmp_path / "made"
+    call = ["build", str(tmp_path / "altitude.toml"), "--data", str(tmp_path / "altitude.csv")]
+    done = CliRunner().invoke(app, [*call, "--out", str(out), "--no-place", "--steps", "60"])
+    assert done.exit_code == 0, done.output
+    report = json.loads((out / "report.json").read_text())
+    assert report["architecture"] == "processor"
+    assert [one["mismatches"] for one in report["verification"]] == [0, 0]
+    assert report["verification"][0]["steps"] == 60
+    assert max(report["accuracy"]["off_reference"]) < 0.1
+    if multipliers:
+        assert report["program"]["clocks_per_step"] < 0.2 * 8 * report["program"]["instructions_per_step"] * 2
+    if shutil.which("iverilog"):
+        subprocess.run(["iverilog", "-o", "bench", "testbench.v", "core.v"], cwd=out, check=True)
+        found = subprocess.run(["vvp", "bench"], cwd=out, check=True, capture_output=True, text=True)
+        assert "outputs, 0 wrong" in found.stdout
+
+
+def test_show_prints_listing_and_clocks(tmp_path):
+    (tmp_path / "altitude.toml").write_text(ALTITUDE)
+    done = CliRunner().invoke(app, ["show", str(tmp_path / "altitude.toml")])
+    assert done.exit_code == 0, done.output
+    assert "-- update: 1 / S" in done.output
+    assert "instructions in" in done.output
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (ALTITUDE.replace("width", "widht"), "widht"),
+        (
+            ALTITUDE.replace("width = 24", "width = 40"),
+            r"line 12: \[architecture\] width = 40: an integer from 8",
+        ),
+        (ALTITUDE.replace("= 32", "= 33"), r"\[architecture\] matrices = 33: a power of two"),
+        (ALTITUDE.replace('"processor"', '"procesor"'), r"\[architecture\] kind = 'procesor' is unknown"),
+    ],
+)
+def test_what_is_wrong_in_the_file_is_refused(text, message):
+    with pytest.raises(DesignError, match=message):
+        loads(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            ALTITUDE + "multipliers = 3\n",
+            r"\[architecture\] multipliers = 3: a multiple of the matrices' size, 2",
+        ),
+        (ALTITUDE + "size = 16\nfraction = 24\n", r"\[architecture\] kind = \"processor\": the constant"),
+        (ALTITUDE.replace("= 128", "= 16"), r"\[architecture\] kind = \"processor\": the filter's program"),
+        (ALTITUDE.replace("= 32", "= 8"), r"\[architecture\] kind = \"processor\": the filter needs"),
+        (
+            ALTITUDE + '[algorithm]\nkind = "bierman_thornton"\n',
+            r'kind = "processor": \[algorithm\] kind = "bierman_thornton" has no program',
+        ),
+    ],
+)
+def test_what_does_not_fit_the_core_is_refused(text, message):
+    with pytest.raises(DesignError, match=message):
+        fitted(loads(text))
+
+
+def test_hardware_of_its_own_is_not_made_of_a_design_with_a_processor():
+    with pytest.raises(
+        DesignError, match=r'\[architecture\] kind = "processor": only build and show know it'
+    ):
+        compile_design(loads(ALTITUDE))
+    assert isinstance(loads(ALTITUDE), Design)
