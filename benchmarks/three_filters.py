@@ -1,6 +1,6 @@
 """One core, three filters: loaded one after the other into the same simulated Verilog, on measured altitudes.
 
-    python benchmarks/three_filters.py [--rows 200]
+    python benchmarks/three_filters.py [--rows 200] [--multipliers 9]
 
 The altitude of a small rotary UAV by GPS, every second. Engine, instruction-set simulator and Verilog are
 compared bit for bit; the double-precision reference is the one of all designs.
@@ -23,7 +23,7 @@ from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import compiled, rows_read, tokens
 from kalmanhdl.processor.compiler.trace import traced
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.peripherals import BenchSink, BenchSource
+from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
 from kalmanhdl.processor.simulator import Machine, run
 from kalmanhdl.processor.verification import compare
@@ -31,7 +31,7 @@ from kalmanhdl.processor.verilog import core_verilog
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.reference import reference
 
-CORE = Core(form=Fixed(width=32, fraction=18), extended=True)
+SIZE = 3
 DATA = Path(__file__).parents[1] / "designs" / "data" / "uav" / "UAV_Rot.csv"
 SIGMA_M = 3.0
 # Above half of what a missed row makes of the covariance, so that the expansion converges.
@@ -56,40 +56,44 @@ def filters():
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=200)
-    rows = parser.parse_args().rows
+    parser.add_argument("--multipliers", type=int, default=0, help="0: eight clocks an instruction")
+    asked = parser.parse_args()
+    rows = asked.rows
+    core = Core(form=Fixed(width=32, fraction=18), extended=True, units=asked.multipliers // SIZE)
     with DATA.open() as file:
         altitude = np.array([float(row["altitude (m)"]) for row in csv.DictReader(file)][:rows])
     z = (altitude - altitude[0])[:, None]
     z[100] = np.nan
-    machine = Machine(CORE, BenchSource(()), BenchSink())
-    with RtlSimulation(CORE, core_verilog(CORE), optimised=False) as rtl:
+    machine = Machine(core, *bench(core, ()))
+    with RtlSimulation(core, core_verilog(core), optimised=False) as rtl:
         for name, model, algorithm in filters():
             print(f"{name}: {one(rtl, machine, model, algorithm, z)}", flush=True)
 
 
 def one(rtl, machine, model, algorithm, z):
     begin = time.perf_counter()
-    filter_ = traced(model, algorithm, CORE.size)
-    program = compiled(filter_, CORE)
-    given_ = rows_read(CORE, z)
-    engine = Engine(filter_, CORE)
+    core = machine.core
+    filter_ = traced(model, algorithm, core.size)
+    program = compiled(filter_, core)
+    given_ = rows_read(core, z)
+    engine = Engine(filter_, core)
     wanted = np.array([engine.step(row) for row in given_])
-    read = tokens(filter_, CORE, given_)
-    machine.source, machine.sink = BenchSource(read), BenchSink()
+    read = tokens(filter_, core, given_)
+    machine.source, machine.sink = bench(core, read)
     machine.load(program.words)
     done = run(machine, 10_000_000)
     differing = int((np.array(done.sent).reshape(wanted.shape) != wanted).sum())
-    equal = compare(CORE, rtl, machine, program.words, Peripherals(tokens=read), done.instructions)
+    clocks = machine.clock / len(z)
+    equal = compare(core, rtl, machine, program.words, Peripherals(tokens=read), done.instructions)
     cube = z[:, None]
     issued = commands(model, cube, np.ones(cube.shape[:2], bool))
     exact = reference(algorithm(model), issued, cube, np.zeros((len(z), 1, 0))).x[:, 0]
     running = started(model, issued)[:, 0]
-    apart = np.abs(wanted[:, : model.n] * float(CORE.form.resolution) - exact)[running].max()
-    steps = (done.instructions - 2 * len(read)) / len(z)
+    apart = np.abs(wanted[:, : model.n] * float(core.form.resolution) - exact)[running].max()
     return (
         f"{len(program.words)} words, {len(z)} rows: {differing} of {wanted.size} outputs differ between"
         f" engine and simulator, 0 of {equal} values between simulator and Verilog; at most {apart:.1e} off "
-        f"double precision; {steps:.0f} instructions a row; {time.perf_counter() - begin:.0f} s"
+        f"double precision; {clocks:.0f} clocks a row; {time.perf_counter() - begin:.0f} s"
     )
 
 
