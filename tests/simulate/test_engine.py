@@ -33,7 +33,12 @@ def check(seeds: range, minimum_bits: int, operations: int = 14) -> None:
     graphs = [random_graph(Random(seed), operations) for seed in seeds]
     for seed, engine in zip(seeds, engines(graphs, minimum_bits), strict=True):
         inputs, flags, active, state = random_inputs(Random(seed), engine.typed, 9, 5)
-        arguments = {"active": active, "initial_state": state, "monitor": True}
+        check_one(engine, seed, operations, inputs, flags, active, state)
+
+
+def check_one(engine, seed, operations, inputs, flags, active, state) -> None:
+    for monitor in (True, False):
+        arguments = {"active": active, "initial_state": state, "monitor": monitor}
         compiled = engine.run(inputs, flags, **arguments)
         try:
             assert_same(compiled, interpreted(engine).run(inputs, flags, **arguments), active)
@@ -44,6 +49,30 @@ def check(seeds: range, minimum_bits: int, operations: int = 14) -> None:
 @pytest.mark.parametrize("minimum_bits", [0, 64, 128, 700])
 def test_compiled_and_interpreted_engine_agree_on_random_graphs(minimum_bits):
     check(range(12 if minimum_bits else 30), minimum_bits)
+
+
+@pytest.mark.parametrize("minimum_bits", [0, 128])
+def test_steps_without_starts_and_misses_agree_too(minimum_bits):
+    seeds, shape = range(40, 60), (6, 35)
+    for seed, engine in zip(
+        seeds, engines([random_graph(Random(s)) for s in seeds], minimum_bits), strict=True
+    ):
+        inputs, flags, active, state = random_inputs(Random(seed), engine.typed, *shape)
+        for name, array in flags.items():
+            array[1:] = name != "initialise"
+            array[3, 20] ^= True
+        check_one(engine, seed, 14, inputs, flags, active | (np.arange(6)[:, None] > 2), state)
+
+
+@pytest.mark.parametrize("given", [np.int8, np.int16, np.int32, np.int64, object])
+def test_inputs_may_be_integers_of_any_size(given):
+    engine = Engine.of(radar())
+    z = {f"z[{axis}]": np.random.default_rng(8).integers(-100, 100, (7, 37)) for axis in range(2)}
+    flags = {"initialise": np.arange(7)[:, None] < np.ones(37, int)}
+    active = np.random.default_rng(9).random((7, 37)) < 0.9
+    found = engine.run({name: array.astype(given) for name, array in z.items()}, flags, active=active)
+    assert_same(found, engine.run(z, flags, active=active), active)
+    assert_same(found, interpreted(engine).run(z, flags, active=active), active)
 
 
 def test_where_long_code_is_cut_makes_no_difference(monkeypatch):
@@ -111,11 +140,14 @@ def small() -> Engine:
     return Engine.of(b.typed())
 
 
-def test_an_input_outside_its_format_is_named_with_step_and_limits(small):
-    z = np.zeros((4, 2), int)
-    z[2, 1] = 128
-    with pytest.raises(FormatError, match=r"z\[0\], step 2, track 1: raw 128 .* -128 to 127"):
-        small.run({"z[0]": z}, {})
+@pytest.mark.parametrize("raw", [128, -129, 1 << 16, -(1 << 63), (1 << 63) - 1])
+@pytest.mark.parametrize("track", [1, 17, 36])
+def test_an_input_outside_its_format_is_named_with_step_and_limits(small, raw, track):
+    z = np.zeros((4, 37), int)
+    z[2, track] = raw
+    for engine in (small, interpreted(small)):
+        with pytest.raises(FormatError, match=rf"z\[0\], step 2, track {track}: raw {raw} .* -128 to 127"):
+            engine.run({"z[0]": z}, {})
 
 
 def test_an_input_outside_its_format_is_no_matter_where_the_track_has_no_step(small):

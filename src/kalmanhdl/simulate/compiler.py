@@ -23,8 +23,9 @@ from kalmanhdl.errors import ToolError
 # Exact whatever the flags: no contraction into fused multiply-add, and signed integers wrap.
 _EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
 _FAST = ("-O2", "-march=native", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math")
-# Selects are to stay selects: threaded into jumps, a loop makes no vectors. Only gcc knows the word.
-_FAST_GCC = ("-fno-thread-jumps",)
+# Only gcc knows these. Selects are to stay selects: threaded into jumps, a loop makes no vectors. Long steps
+# keep fewer values in memory where instructions are ordered before registers are given out.
+_FAST_GCC = ("-fno-thread-jumps", "-fschedule-insns", "-fsched-pressure")
 # Made in a tenth of the time: nothing is optimised, and the operations are calls.
 _QUICKLY_MADE = ("-O0", "-march=native", "-DINLINE=static __attribute__((unused))")
 

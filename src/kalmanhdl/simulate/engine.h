@@ -192,6 +192,44 @@ ROWS(int32, int32_t, i32, __builtin_convertvector)
 ROWS(uint32, uint32_t, i64, __builtin_convertvector)
 ROWS(int64, int64_t, i64, __builtin_convertvector)
 
+/* A row of integers of 64 bits as narrower ones, 0 where a track has no step, and what any is above the least. */
+#define TAKE(name, element)                                                                              \
+    CALL const element *take_##name(const void *from, int64_t at, int64_t n, const uint8_t *active,      \
+                                    int64_t low, uint64_t *above, element *restrict to)                  \
+    {                                                                                                    \
+        const int64_t *row = (const int64_t *)from + at;                                                 \
+        uint64_t offsets = 0;                                                                            \
+        if (active)                                                                                      \
+            for (int64_t k = 0; k < n; k++) {                                                            \
+                to[k] = (element)(row[k] & -(int64_t)active[at + k]);                                    \
+                offsets |= (uint64_t)(row[k] & -(int64_t)active[at + k]) - (uint64_t)low;                \
+            }                                                                                            \
+        else                                                                                             \
+            _Pragma("omp simd reduction(|:offsets)")                                                     \
+            for (int64_t k = 0; k < n; k++) {                                                            \
+                to[k] = (element)row[k];                                                                 \
+                offsets |= (uint64_t)row[k] - (uint64_t)low;                                             \
+            }                                                                                            \
+        *above |= offsets;                                                                               \
+        return to;                                                                                       \
+    }
+TAKE(int16, int16_t)
+TAKE(uint16, uint16_t)
+TAKE(int32, int32_t)
+TAKE(uint32, uint32_t)
+TAKE(int64, int64_t)
+
+/* Whether flags from element `at` on, one for each lane, are all as they are said to be. */
+INLINE int32_t all_alike(const void *flags, int64_t at, uint32_t value)
+{
+    uint32_t differ = 0, word;
+    for (int k = 0; k < LANES; k += 4) {
+        memcpy(&word, (const uint8_t *)flags + at + k, 4);
+        differ |= word ^ value * 0x01010101;
+    }
+    return !differ;
+}
+
 CALL iwide load_limbs(const void *from, int64_t at, int64_t n, int limbs)
 {
     iwide r;

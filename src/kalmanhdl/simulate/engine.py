@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from kalmanhdl.errors import ToolError
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import Interval, TypedGraph
-from kalmanhdl.simulate.arrays import Arrays, Named, Results, allocated, checked, empty, whole
+from kalmanhdl.simulate.arrays import (
+    Arrays,
+    Extremes,
+    Named,
+    Results,
+    allocated,
+    checked,
+    look_at_wide,
+    whole,
+)
 from kalmanhdl.simulate.compiler import find_compiler, shared_library
 from kalmanhdl.simulate.fallback import run_interpreted
 from kalmanhdl.simulate.generate_c import generate
@@ -93,6 +102,7 @@ class Engine:
         arrays = checked(self.program, inputs, flags, active, initial_state or {})
         results = allocated(self.program, arrays, record_states)
         if self.library is None:
+            look_at_wide(self.program, arrays)
             counts, extremes = run_interpreted(self.typed, self.program, arrays, results)
         else:
             counts, extremes = _run_compiled(self.program, self.library, arrays, results, monitor)
@@ -132,36 +142,39 @@ def _loaded(library: Path) -> ctypes.CDLL:
         raise ToolError(f"compiled engine {library}: {error}: delete the file to compile it anew") from error
 
 
-def _pointers(arrays: Sequence[Integers]) -> ctypes.Array[ctypes.c_void_p]:
-    return (ctypes.c_void_p * max(len(arrays), 1))(*(array.ctypes.data for array in arrays))
+def _pointers(addresses: Sequence[int]) -> ctypes.Array[ctypes.c_void_p]:
+    return (ctypes.c_void_p * max(len(addresses), 1))(*addresses)
+
+
+def _all(arrays: Sequence[Integers]) -> ctypes.Array[ctypes.c_void_p]:
+    return _pointers([array.ctypes.data for array in arrays])
 
 
 def _run_compiled(
     program: Program, library: Path, arrays: Arrays, results: Results, monitor: bool
 ) -> tuple[list[int], dict[int, Interval]]:
     counts = np.zeros(len(program.counted) + len(program.violations), np.int64)
+    above = np.zeros(len(program.inputs), np.uint64)
     loaded = _loaded(library)
-    lanes = ctypes.c_int32.in_dll(loaded, "lanes").value
-    lows, highs = ([empty(port, (lanes,)) for port in program.watched] for _ in range(2))
+    extremes = Extremes(program, ctypes.c_int32.in_dll(loaded, "lanes").value) if monitor else None
     function: Callable[..., int] = getattr(loaded, f"{program.name}_run")
     seen = function(
         ctypes.c_int64(arrays.steps),
         ctypes.c_int64(arrays.tracks),
-        _pointers(arrays.inputs),
-        _pointers(arrays.flags),
+        _all(arrays.inputs),
+        bytes(arrays.wide),
+        ctypes.c_void_p(above.ctypes.data),
+        _all(arrays.flags),
         None if arrays.active is None else ctypes.c_void_p(arrays.active.ctypes.data),
-        _pointers(arrays.state),
-        _pointers(results.outputs),
-        _pointers(results.records) if results.records else None,
+        _all(arrays.state),
+        _pointers(results.addresses[: len(results.outputs)]),
+        _pointers(results.addresses[len(results.outputs) :]) if results.records else None,
         ctypes.c_void_p(counts.ctypes.data),
-        _pointers([*lows, *highs]),
+        None if extremes is None else _pointers(extremes.addresses),
         ctypes.c_int32(monitor),
     )
     if seen < 0:
         raise MemoryError
-    extremes = {
-        port.index: Interval(low=int(whole(port, low).min()), high=int(whole(port, high).max()))
-        for port, low, high in zip(program.watched, lows, highs, strict=True)
-        if seen
-    }
-    return [int(n) for n in counts], extremes
+    if any(int(bits) & ~(p.high - p.low) for p, bits in zip(program.inputs, above, strict=True)):
+        look_at_wide(program, arrays)
+    return counts.tolist(), extremes.seen() if extremes and seen else {}

@@ -68,6 +68,7 @@ class Writer:
     tables: dict[tuple[int, ...], str] = field(default_factory=dict)
     _names: dict[tuple[str, str], str] = field(default_factory=dict)
     _above: dict[tuple[Kind, int], str] = field(default_factory=dict)
+    _expected: set[tuple[str, int]] = field(default_factory=set)
 
     def kind(self, low: int, high: int) -> Kind:
         """The narrowest type that holds both integers, at least ``minimum_bits`` wide."""
@@ -105,6 +106,9 @@ class Writer:
         offset = value.at(kind)
         if low:
             offset = f"subtract_{kind.c_type}({offset}, {literal_text(low, kind)})"
+        if (offset, bits) in self._expected:
+            return
+        self._expected.add((offset, bits))
         before = self._above.get(place)
         self._above[place] = self.bind(kind.c_type, f"{before} | {offset}" if before else offset)
 

@@ -7,11 +7,12 @@ from kalmanhdl.arithmetic.division import TableNewton, reciprocal_table
 from kalmanhdl.graph.operations import Divide, Flag, Input, Quantise, Reciprocal, State, StateFlag
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph, Violation
+from kalmanhdl.simulate.assembly import Body, Parts, assembled, next_state, usual_flags
 from kalmanhdl.simulate.expression import Flag as FlagText
 from kalmanhdl.simulate.expression import Kind, Value, Writer
 from kalmanhdl.simulate.generate_float import float_header, float_program
 from kalmanhdl.simulate.lowering import Lowering, lower
-from kalmanhdl.simulate.program import INITIALISE, Body, Parts, Port, Program, assembled, next_state
+from kalmanhdl.simulate.program import INITIALISE, Port, Program
 
 
 def generate(
@@ -45,9 +46,11 @@ def _table(name: str, rows: Sequence[int]) -> str:
 
 
 def _program(name: str, typed: TypedGraph, minimum_bits: int, tables: dict[tuple[int, ...], str]) -> Program:
-    writer, quick = (Writer(minimum_bits, optimistic, tables=tables) for optimistic in (False, True))
-    lowering, quickly = lower(typed, writer), lower(typed, quick)
     operations = typed.graph.operations
+    lowering = lower(typed, Writer(minimum_bits, tables=tables))
+    quickly = lower(typed, Writer(minimum_bits, optimistic=True, tables=tables))
+    given = usual_flags(o.name for o in operations if isinstance(o, Flag))
+    usually = lower(typed, Writer(minimum_bits, optimistic=True, tables=tables), given)
     inputs = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Input))
     flags = tuple(_port(lowering, o.name, i) for i, o in enumerate(operations) if isinstance(o, Flag))
     places = {o.name: i for i, o in enumerate(operations) if isinstance(o, State | StateFlag)}
@@ -57,9 +60,7 @@ def _program(name: str, typed: TypedGraph, minimum_bits: int, tables: dict[tuple
     chosen = {i for i, o in enumerate(operations) if isinstance(o, kept)} | set(typed.graph.roots)
     watched = tuple(p for p in (_port(lowering, "", i) for i in sorted(chosen)) if not p.flag)
     counted = tuple(i for i, flag in lowering.saturations.items() if flag.known is not False)
-    # Sinks first: they may write statements.
-    given = _step_sinks(quickly, states, outputs) + _hits(quickly)
-    seen = _step_sinks(lowering, states, outputs) + _watch_sinks(lowering, flags, watched, counted)
+    seen = _watch_sinks(lowering, flags, watched, counted)
     parts = Parts(
         name=name,
         inputs=inputs,
@@ -68,13 +69,14 @@ def _program(name: str, typed: TypedGraph, minimum_bits: int, tables: dict[tuple
         outputs=outputs,
         watched=watched,
         counts=len(counted) + len(typed.violations),
-        step=Body(quick.statements, given),
-        watch=Body(writer.statements, seen),
+        step=_body(quickly, states, outputs, _hits(quickly)),
+        usual=_body(usually, states, outputs, _hits(usually)),
+        watch=_body(lowering, states, outputs, seen),
     )
     return Program(
         name=name,
         text=assembled(parts),
-        bits=max(writer.widest, quick.widest),
+        bits=max(each.writer.widest for each in (lowering, quickly, usually)),
         inputs=inputs,
         flags=flags,
         states=states,
@@ -114,10 +116,14 @@ def _signal_text(lowering: Lowering, port: Port) -> str:
     return signal.c
 
 
-def _step_sinks(lowering: Lowering, states: Sequence[Port], outputs: Sequence[Port]) -> list[str]:
-    """The lines of a step that use its variables: new states and outputs."""
+def _body(
+    lowering: Lowering, states: Sequence[Port], outputs: Sequence[Port], further: Sequence[str]
+) -> Body:
+    """A step that gives new states and outputs, and has further lines that use its variables."""
     texts = dict.fromkeys(f"out->x{p.index} = {_signal_text(lowering, p)};" for p in outputs)
-    return [*_next_states(lowering, states), *texts]
+    # Sinks first: they may write statements.
+    sinks = [*_next_states(lowering, states), *texts, *further]
+    return Body(lowering.writer.statements, sinks)
 
 
 def _hits(lowering: Lowering) -> list[str]:

@@ -1,6 +1,6 @@
 """A floating-point graph as straight-line C over groups of tracks, on the types of ``float.h``."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import assert_never
@@ -35,17 +35,9 @@ from kalmanhdl.graph.operations import (
 )
 from kalmanhdl.graph.operations import Flag as FlagInput
 from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.simulate.assembly import Body, Parts, assembled, next_state, usual_flags
 from kalmanhdl.simulate.expression import FLAG, Flag, Kind, Writer
-from kalmanhdl.simulate.program import (
-    INITIALISE,
-    Body,
-    FloatKind,
-    Parts,
-    Port,
-    Program,
-    assembled,
-    next_state,
-)
+from kalmanhdl.simulate.program import INITIALISE, FloatKind, Port, Program
 
 # Formats whose rounded arithmetic processors have, and their types in float.h.
 _NATIVE = {Float(8, 23): "binary32", Float(11, 52): "binary64"}
@@ -103,12 +95,9 @@ def float_program(name: str, typed: FloatGraph) -> Program:
     outputs = tuple(port(key, root) for key, root in typed.graph.outputs)
     text = ""
     if is_compiled(typed.form):
-        lowering = _lowered(typed, name)
-        unbounded = _unbounded(lowering)
-        given = _step_sinks(lowering, states, outputs)
-        hits = [f"out->hit |= {flag.c};" for flag in unbounded]
-        seen = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(unbounded)]
-        statements = lowering.writer.statements
+        lowering = _lowered(typed, name, {})
+        usually = _lowered(typed, name, usual_flags(flag.name for flag in flags))
+        seen = [f"w->counts[{n}] -= {flag.c} & in->live;" for n, flag in enumerate(_unbounded(lowering))]
         parts = Parts(
             name=name,
             inputs=inputs,
@@ -117,8 +106,9 @@ def float_program(name: str, typed: FloatGraph) -> Program:
             outputs=outputs,
             watched=(),
             counts=len(typed.violations),
-            step=Body(statements, [*given, *hits]),
-            watch=Body(statements, [*given, *seen]),
+            step=_body(lowering, states, outputs, _hits(lowering)),
+            usual=_body(usually, states, outputs, _hits(usually)),
+            watch=_body(lowering, states, outputs, seen),
         )
         text = "\n".join([*lowering.tables, assembled(parts)])
     return Program(
@@ -137,11 +127,15 @@ def float_program(name: str, typed: FloatGraph) -> Program:
 
 @dataclass(slots=True)
 class _Lowering:
-    """The C expressions of a graph's operations: variables and constants for numbers, flags for flags."""
+    """The C expressions of a graph's operations: variables and constants for numbers, flags for flags.
+
+    ``given`` are the flags of commands that are known when the C is written.
+    """
 
     typed: FloatGraph
     name: str
     type: str
+    given: Mapping[str, bool]
     writer: Writer = field(default_factory=Writer)
     signals: list[str | Flag] = field(default_factory=list)
     tables: list[str] = field(default_factory=list)
@@ -180,8 +174,8 @@ class _Lowering:
         return f"all_{self.type}({self.element(raw)})"
 
 
-def _lowered(typed: FloatGraph, name: str) -> _Lowering:
-    lowering = _Lowering(typed, name, _kind(typed.form).c_type)
+def _lowered(typed: FloatGraph, name: str, given: Mapping[str, bool]) -> _Lowering:
+    lowering = _Lowering(typed, name, _kind(typed.form).c_type, given)
     for index, operation in enumerate(typed.graph.operations):
         lowering.signals.append("" if index in typed.fused else _signal(lowering, index, operation))
     return lowering
@@ -194,6 +188,8 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return writer.bind(lowering.type, f"in->x{index}")
         case State():
             return writer.bind(lowering.type, f"old->x{index}")
+        case FlagInput(name) if name in lowering.given:
+            return Flag(writer, "", lowering.given[name])
         case FlagInput():
             return writer.flag(f"in->x{index}")
         case StateFlag():
@@ -214,6 +210,8 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return lowering.call(function.value, number(a))
         case Table(a, rows):
             return _row(lowering, number(a), [form.nearest(row) for row in rows])
+        case Select(condition, a, b) if (known := flag(condition).known) is not None:
+            return number(a if known else b)
         case Select(condition, a, b):
             return lowering.call("select", flag(condition).c, number(a), number(b))
         case NotFinite(a):
@@ -281,8 +279,15 @@ def _unbounded(lowering: _Lowering) -> list[Flag]:
     return flags
 
 
-def _step_sinks(lowering: _Lowering, states: Sequence[Port], outputs: Sequence[Port]) -> list[str]:
+def _hits(lowering: _Lowering) -> list[str]:
+    return [f"out->hit |= {flag.c};" for flag in _unbounded(lowering)]
+
+
+def _body(
+    lowering: _Lowering, states: Sequence[Port], outputs: Sequence[Port], further: Sequence[str]
+) -> Body:
+    """A step that gives new states and outputs, and has further lines that use its variables."""
     pairs = zip(states, lowering.typed.graph.states, strict=True)
     following = [next_state(port, lowering.text(root)) for port, (_, root) in pairs]
     shown = dict.fromkeys(f"out->x{port.index} = {lowering.text(port.index)};" for port in outputs)
-    return [*following, *shown]
+    return Body(lowering.writer.statements, [*following, *shown, *further])

@@ -4,6 +4,7 @@ Bounds are derived here from the formats of inputs, states and rounded results a
 exact even for a value that a range analysis believed impossible.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -43,10 +44,14 @@ Signal = Value | Flag
 
 @dataclass(slots=True)
 class Lowering:
-    """The signals of a graph's operations in C, and which of them can leave their format."""
+    """The signals of a graph's operations in C, and which of them can leave their format.
+
+    ``given`` are the flags of commands that are known when the C is written.
+    """
 
     typed: TypedGraph
     writer: Writer
+    given: Mapping[str, bool]
     signals: list[Signal]
     saturations: dict[int, Flag]
 
@@ -73,9 +78,9 @@ class Lowering:
         return self.number(index) << (fraction - self.form(index).fraction)
 
 
-def lower(typed: TypedGraph, writer: Writer) -> Lowering:
-    """Write the C of all operations, in order."""
-    lowering = Lowering(typed, writer, [], {})
+def lower(typed: TypedGraph, writer: Writer, given: Mapping[str, bool] | None = None) -> Lowering:
+    """Write the C of all operations, in order, with some flags of commands given."""
+    lowering = Lowering(typed, writer, given or {}, [], {})
     for index, operation in enumerate(typed.graph.operations):
         lowering.signals.append(_signal(lowering, index, operation))
     return lowering
@@ -90,6 +95,8 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
     match operation:
         case Input() | State():
             return _loaded(lowering, index, "in" if isinstance(operation, Input) else "old")
+        case FlagInput(name) if name in lowering.given:
+            return Flag(lowering.writer, "", lowering.given[name])
         case FlagInput():
             return lowering.writer.flag(f"in->x{index}")
         case StateFlag():
