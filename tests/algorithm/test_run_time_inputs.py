@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from kalmanhdl.algorithm import ALGORITHMS, Extended
 from kalmanhdl.algorithm.trace import trace
 from kalmanhdl.design import Architecture, Design, Target
+from kalmanhdl.errors import ModelError
 from kalmanhdl.graph.evaluate import evaluate
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.nonlinear import nonlinear_model
 from kalmanhdl.model.state_space import linear_model
-from kalmanhdl.model.varying import VaryingModel
+from kalmanhdl.model.varying import VaryingModel, varying_model
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.ranges import simulated
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -137,6 +138,36 @@ def test_the_extended_filter_takes_the_same_inputs(seed):
     expected = estimated(model, ALGORITHMS["conventional"](), z, u)
     np.testing.assert_allclose(found.x, expected.x, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(found.P, expected.P, rtol=1e-8, atol=1e-10)
+
+
+def _timed(Q):
+    """A position and its speed, steps of any length, measured twice with noises that correlate."""
+    return varying_model(
+        [[1, "dt"], [0, 1]],
+        [[1, 0], [0.5, 1]],
+        Q,
+        [["r", "0.3*r"], ["0.3*r", "2*r"]],
+        inputs=[RunTimeInput(name="dt", low=0.5, high=2), RunTimeInput(name="r", low=0.1, high=3)],
+        initial=given([0, 0], np.diag([100, 4])),
+    )
+
+
+def test_noise_that_a_step_correlates_is_factored_in_every_step():
+    model = _timed([["dt^3/3", "dt^2/2"], ["dt^2/2", "dt"]])
+    z, u = drawn(model, 1, steps=40)
+    found = estimated(model, ALGORITHMS["bierman_thornton"](), z, u)
+    expected = estimated(model, ALGORITHMS["conventional"](), z, u)
+    np.testing.assert_allclose(found.x, expected.x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.P, expected.P, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.nis, expected.nis, rtol=1e-9, atol=1e-9)
+
+
+def test_factors_of_a_singular_noise_that_varies_are_refused():
+    model = _timed([["dt^4/4", "dt^3/2"], ["dt^3/2", "dt^2"]])
+    with pytest.raises(
+        ModelError, match=r"model\.Q of x0, x1 varies and is singular: use one"
+    ):
+        ALGORITHMS["bierman_thornton"]()(model)
 
 
 def _turning():

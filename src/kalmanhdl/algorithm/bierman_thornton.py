@@ -6,13 +6,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kalmanhdl.algorithm.covariance import innovation, predict_mean, start_mean
-from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, as_linear
+from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given
 from kalmanhdl.algorithm.memory import Kept, Kind, Memory
+from kalmanhdl.algorithm.varying import of_linear
+from kalmanhdl.graph.elements import elements
 from kalmanhdl.graph.linear_algebra import blocks, quotient, symmetric, times, vector
 from kalmanhdl.graph.signal import Array, Condition, Scalar, is_zero, named, named_at, negative, select
+from kalmanhdl.model.inputs import points
 from kalmanhdl.model.model import Array as Numbers
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.varying import VaryingModel
+from kalmanhdl.validation import InvalidModelValueError
 
 # What a factorisation leaves of a singular covariance, relative to its variances.
 _ROUNDING = 64 * np.finfo(np.float64).eps
@@ -35,6 +40,10 @@ class BiermanThornton(Algorithm):
     Q and the start may be singular: zeros of their D are left out. A variance of D that vanishes while
     running divides nothing. Zeros of U stay where parts of the model are decoupled, in any order of states.
 
+    With run-time inputs F may vary, and so may Q, R and the P of the start: their diagonals as they are, what
+    they correlate by factors that every step computes, a reciprocal for each but one of what belongs
+    together. Such a Q or P must be definite for all inputs.
+
     Multiplications of signals for dense F and H: about m (n^2 + 5 n) for measurements and 0.6 n (n + 1)
     (n + q) for time, where q is the rank of Q, and n (n - 1) for the variances put out; m n + n - 1
     reciprocals.
@@ -43,28 +52,76 @@ class BiermanThornton(Algorithm):
     kind: ClassVar[str] = "bierman_thornton"
 
     def __call__(self, model: Model) -> Filter:
-        """The filter of a linear model."""
-        linear = as_linear(model, self)
-        n, initial = linear.n, linear.initial
-        U, D = factors(initial.P)
-        noise = factors(linear.Q)
-        vanishing = _vanishing(linear, U, D, noise)
-        return Filter(
-            kept=(
-                Kept("x", Kind.STATE, (n,)),
-                Kept("U", Kind.FACTOR, (n, n)),
-                Kept("D", Kind.VARIANCE, (n,)),
-            ),
-            start=lambda memory, given: {
-                "x": start_mean(linear, memory["x"], given),
-                "U": U.astype(object),
-                "D": D.astype(object),
-            },
-            predict=lambda memory, given: _predicted(linear, noise, vanishing, memory, given),
-            update=lambda memory, given: _updated(linear, memory, given),
-            estimate=lambda memory: Belief(memory["x"], _covariance(memory["U"], memory["D"])),
-            before_update=initial.before_update,
-        )
+        """The filter of a linear model, or of one that varies. Raises ModelError where a covariance that
+        varies has no factors."""
+        if isinstance(model, VaryingModel):
+            _check_factors(model, self)
+            # Which variances vanish follows from the inputs: any may.
+            anywhere = frozenset(range(model.n))
+            return of_linear(model, self, lambda linear: _filter(linear, anywhere))
+        return of_linear(model, self, lambda linear: _filter(linear, _vanishing(linear)))
+
+
+def _filter(linear: LinearModel, vanishing: frozenset[int]) -> Filter:
+    n, initial = linear.n, linear.initial
+    U, D = _factored(initial.P)
+    noise = _factored(linear.Q)
+    return Filter(
+        kept=(
+            Kept("x", Kind.STATE, (n,)),
+            Kept("U", Kind.FACTOR, (n, n)),
+            Kept("D", Kind.VARIANCE, (n,)),
+        ),
+        start=lambda memory, given: {"x": start_mean(linear, memory["x"], given), "U": U, "D": D},
+        predict=lambda memory, given: _predicted(linear, noise, vanishing, memory, given),
+        update=lambda memory, given: _updated(linear, memory, given),
+        estimate=lambda memory: Belief(memory["x"], _covariance(memory["U"], memory["D"])),
+        before_update=initial.before_update,
+    )
+
+
+def _check_factors(model: VaryingModel, algorithm: Algorithm) -> None:
+    """Raises ModelError where elements that vary correlate what may be certain: it has no factors."""
+    us = points(model.inputs, model.p)
+    steps = [model.at(elements(u)) for u in us]
+    for key, matrices in (
+        ("model.Q", [step.Q for step in steps]),
+        ("model.initial.P", [step.initial.P for step in steps]),
+    ):
+        found = np.array([np.asarray(matrix, float) for matrix in matrices])
+        for block in blocks(found.any(axis=0).astype(float)):
+            part = found[:, block][:, :, block]
+            singular = any((factors(each)[1] == 0.0).any() for each in part)
+            if len(block) > 1 and singular and (part != part[0]).any():
+                instead = "use one that is definite, or diagonal, or another algorithm"
+                names = ", ".join(model.state_names[k] for k in block)
+                problem = f' = "{algorithm.kind}" keeps factors, and {key} of {names} varies and is singular'
+                raise InvalidModelValueError("algorithm", "kind", f"{problem}: {instead}")
+
+
+def _factored(P: Array) -> tuple[Array, Array]:
+    """U (n, n) and D (n,) with P = U D U' of numbers, or of elements where P varies, block by block."""
+    U, D = np.eye(len(P)).astype(object), np.zeros(len(P), object)
+    for block in blocks(P):
+        part = P[np.ix_(block, block)]
+        fixed = all(isinstance(element, float) for element in part.ravel().tolist())
+        found = factors(part.astype(float)) if fixed else _factors_of_elements(part)
+        U[np.ix_(block, block)], D[block] = found
+    return U, D
+
+
+def _factors_of_elements(P: Array) -> tuple[Array, Array]:
+    """As ``factors``, of a definite P (n, n) whose elements vary: a reciprocal for each but the first row."""
+    n, rest = len(P), P.copy()
+    U, D = np.eye(n).astype(object), np.zeros(n, object)
+    for j in range(n - 1, -1, -1):
+        D[j] = rest[j, j]
+        for i in range(j):
+            U[i, j] = quotient(rest[i, j], D[j])
+        for i in range(j):
+            for k in range(i, j):
+                rest[i, k] = rest[k, i] = rest[i, k] - U[i, j] * rest[k, j]
+    return U, D
 
 
 def factors(P: Numbers) -> tuple[Numbers, Numbers]:
@@ -84,12 +141,13 @@ def factors(P: Numbers) -> tuple[Numbers, Numbers]:
     return U, D
 
 
-def _vanishing(model: LinearModel, U: Numbers, D: Numbers, noise: tuple[Numbers, Numbers]) -> frozenset[int]:
+def _vanishing(model: LinearModel) -> frozenset[int]:
     """The variances of D that become zero while the track runs, though not for ever.
 
     Updates leave the range of P as it is, since R is definite: predictions alone tell.
     """
-    found = set[int]()
+    found, noise = set[int](), factors(model.Q)
+    U, D = factors(model.initial.P)
     for _ in range(2 * model.n + 2):
         U, D = factors(model.F @ (U * D) @ U.T @ model.F.T + (noise[0] * noise[1]) @ noise[0].T)
         found |= set(np.flatnonzero(D == 0.0).tolist())
@@ -98,15 +156,15 @@ def _vanishing(model: LinearModel, U: Numbers, D: Numbers, noise: tuple[Numbers,
 
 def _predicted(
     model: LinearModel,
-    noise: tuple[Numbers, Numbers],
+    noise: tuple[Array, Array],
     vanishing: frozenset[int],
     memory: Memory,
     given: Given,
 ) -> Memory:
     """Thornton: the rows of [F U, G] made orthogonal under the weights of D and Q = G Dq G'."""
-    n, used = model.n, noise[1] > 0.0
-    W = np.hstack([model.F.astype(object) @ memory["U"], noise[0][:, used].astype(object)])
-    weights = np.concatenate([memory["D"], noise[1][used].astype(object)])
+    n, used = model.n, [k for k, variance in enumerate(noise[1]) if not is_zero(variance)]
+    W = np.hstack([model.F.astype(object) @ memory["U"], noise[0][:, used]])
+    weights = np.concatenate([memory["D"], noise[1][used]])
     U, D = np.eye(n).astype(object), np.zeros(n, object)
     for j in range(n - 1, -1, -1):
         weighted = weights * W[j]
@@ -159,7 +217,7 @@ def _updated(model: LinearModel, memory: Memory, given: Given) -> Correction:
 
 def _with_errors(model: LinearModel, part: list[int], state: _Joint) -> _Joint:
     """The errors of a block of measurements, and x behind them."""
-    UR, DR = factors(model.R[np.ix_(part, part)])
+    UR, DR = _factored(model.R[np.ix_(part, part)])
     b, n = len(part), model.n
     U = np.zeros((b + n, b + n), object)
     U[:b, :b], U[b:, b:] = UR, state.U

@@ -52,7 +52,7 @@ class VaryingModel:
     """
 
     kind: ClassVar[str] = "time-varying"
-    suited: ClassVar[tuple[str, ...]] = ("conventional", "joseph", "sequential")
+    suited: ClassVar[tuple[str, ...]] = ("conventional", "joseph", "sequential", "bierman_thornton")
 
     F: Formulas
     Q_formulas: Formulas
