@@ -26,6 +26,7 @@ from kalmanhdl.pipeline import (
     interface_of,
     numbers_of,
     planned,
+    proof_of,
     silent,
     simulate,
     timed,
@@ -56,6 +57,7 @@ def build(
     force: bool = False,
     progress: Progress = silent,
     simulators: tuple[Simulator, ...] = (Simulator.CXXRTL,),
+    prove: bool = False,
 ) -> Record:
     """Take a design the whole line down and write the folder ``out``.
 
@@ -63,13 +65,18 @@ def build(
     the Verilog are held against the engine, the usual number of them without; 0 leaves that out, and the
     report says so. ``place``: also
     synthesis, place and route. ``families``: also synthesis figures on the papers' devices.
-    ``force`` replaces an earlier build, ``simulators`` are those that verify.
+    ``force`` replaces an earlier build, ``simulators`` are those that verify. ``prove``: also what can be
+    proven of the formats.
 
     Raises:
-        DesignError: floating point is asked of a function for which there is no such hardware.
+        DesignError: floating point is asked of a function for which there is no such hardware, or proofs
+            of its formats.
         OutputError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is written then.
     """
     check_folder(out, force=force)
+    if prove:
+        # Floating point has no formats to prove anything of.
+        _ = design.fixed_point
     if verify_steps != 0:
         _need_compiler()
         need(simulators)
@@ -87,6 +94,10 @@ def build(
             seconds, "simulate", progress, "filtering the data in floats and in the hardware's integers"
         ):
             simulation = simulate(design, plots, hardware.numbers)
+    proof = None
+    if prove:
+        with timed(seconds, "prove", progress, "proving which values never leave their formats"):
+            proof = proof_of(design, hardware.numbers)
     verifications: tuple[Verification, ...] = ()
     figures: tuple[AreaFigures, ...] = ()
     # One core places and routes, the other verifies and counts: neither waits for the other.
@@ -105,6 +116,7 @@ def build(
         verifications=verifications,
         implemented=implemented,
         areas=figures,
+        proof=proof,
         seconds=seconds,
     )
     progress("writing the report")

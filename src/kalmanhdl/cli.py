@@ -100,6 +100,9 @@ def build(
     areas: Annotated[
         bool, typer.Option("--areas", help="Also synthesis figures on the papers' devices; takes minutes.")
     ] = False,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Also prove which values never leave their formats.")
+    ] = False,
     steps: _Steps = None,
     seeds: _Seeds = None,
     grade: _Grade = None,
@@ -132,6 +135,7 @@ def build(
             force=force,
             progress=progress,
             simulators=simulators,
+            prove=prove,
         )
     typer.echo(build_table(record))
     typer.echo(f"report: {place / 'report.html'}")
@@ -265,12 +269,9 @@ def show(
     if not graph and not schedule:
         proof = None
         if prove:
-            from kalmanhdl.numerics.typed import TypedGraph
-            from kalmanhdl.proof.prove import prove as proven
+            from kalmanhdl.pipeline import proof_of
 
-            numerics, step = chosen.fixed_point, typed.typed
-            assert isinstance(step, TypedGraph)
-            proof = proven(chosen.model, step, numerics.coast)
+            proof = proof_of(chosen, typed)
         typer.echo(design_tables(chosen, typed, plan, proof))
     if out is not None:
         typer.echo(f"schedule: {out}")

@@ -11,6 +11,7 @@ from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.proof.prove import Proof, prove
 from kalmanhdl.rtl.interface import Interface, interface
 from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.modulo import schedule
@@ -77,6 +78,13 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
         verilog=verilog,
         seconds=seconds,
     )
+
+
+def proof_of(design: Design, typed: Numbers | FloatNumbers) -> Proof:
+    """Which values never leave their formats. Raises DesignError for floating point, ToolError."""
+    specification, graph = design.fixed_point, typed.typed
+    assert isinstance(graph, TypedGraph)
+    return prove(design.model, graph, specification.coast)
 
 
 def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:

@@ -275,9 +275,7 @@ def _formats(design: Design, numbers: Numbers | FloatNumbers, proof: Proof | Non
     for row in formats(numbers.typed, None, proof):
         form = f"{'' if row['signed'] else 'u'}fixed({row['width']}, fraction={row['fraction']})"
         limits = (row["resolution"], row["lowest"], row["highest"])
-        overflow = row.get("overflow", "never" if row["proven"] else "flagged")
-        overflow = "clamped" if row["role"] == "input" else overflow
-        ends = (basis(row, design.fixed_point, design.model), overflow)
+        ends = (basis(row, design.fixed_point, design.model), row["overflow"])
         shown = ("" if v is None else _figure(v) for v in limits)
         found = [row.get(key) for key in more]
         said = ("" if v is None else v if isinstance(v, str) else _figure(v) for v in found)

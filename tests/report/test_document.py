@@ -5,12 +5,15 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from builds import DESIGNS
+from builds import DESIGNS, hardware
 
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.pipeline import proof_of
 from kalmanhdl.report.document import document, plain
 from kalmanhdl.report.record import Record
 from kalmanhdl.report.writer import json_text
@@ -45,6 +48,29 @@ def test_every_stable_key_is_there_whatever_stages_ran(which, request):
 
 def test_the_text_is_json_and_says_the_same(found):
     assert json.loads(json_text(found)) == found
+
+
+def test_every_width_says_what_it_rests_on_and_whether_it_always_holds(found):
+    rows = found["numerics"]["formats"]
+    assert {row["range_by"] for row in rows} <= {
+        "the design", "its operands", "declared range", "simulated tracks",
+    }  # fmt: skip
+    assert {row["overflow"] for row in rows} == {"never", "flagged", "clamped"}
+    assert found["numerics"]["proofs"] is None
+
+
+def test_proofs_are_summed_up_and_stand_in_every_row(nile):
+    design = replace(nile.hardware.design, numerics=FixedSpecification(width=8, coast=1))
+    made = hardware(design)
+    said = document(Record(hardware=made, proof=proof_of(made.design, made.numbers)))["numerics"]
+    counted = said["proofs"]["proven"] + said["proofs"]["reachable"] + said["proofs"]["flagged"]
+    assert counted == len(made.numbers.typed.violations)
+    assert said["proofs"]["contract"]["misses_in_a_row"] == 1
+    assert said["proofs"]["parts"][0]["covariances"] > 1
+    rows = said["formats"]
+    assert {row["overflow"] for row in rows} & {"proven", "reachable", "flagged"}
+    assert all(row["least"] <= row["greatest"] for row in rows)
+    assert all(row["proof"] for row in rows if row["overflow"] == "proven")
 
 
 def test_what_is_not_finite_is_null():

@@ -18,7 +18,7 @@ from kalmanhdl.graph.simplify import counts
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
-from kalmanhdl.report.formats import formats, overflows
+from kalmanhdl.report.formats import basis, formats, overflows, proofs
 from kalmanhdl.report.papers import beside, paper_of
 from kalmanhdl.report.record import Record
 from kalmanhdl.schedule.summary import Summary
@@ -149,17 +149,21 @@ def _rates(summary: Summary, architecture: Architecture, fmax_mhz: float) -> dic
 
 def _numerics(record: Record) -> dict[str, Any]:
     numbers, simulation = record.hardware.numbers, record.simulation
+    rows = formats(numbers.typed, simulation.trace if simulation else None, record.proof)
     common = {
         "scaling": {
             key: getattr(numbers.scaling, key) for key in ("state", "measurement", "control", "covariance")
         },
-        "formats": formats(numbers.typed, simulation.trace if simulation else None),
+        "formats": rows,
     }
     if isinstance(numbers.typed, FloatGraph):
         return {"kind": "float", **_floating(numbers.typed), **common}
-    specification = record.hardware.design.fixed_point
+    design, specification = record.hardware.design, record.hardware.design.fixed_point
+    for row in rows:
+        row["range_by"] = basis(row, specification, design.model)
     return {
         "kind": "fixed",
+        "proofs": None if record.proof is None else proofs(numbers.typed, record.proof),
         "rounding": specification.rounding.value,
         "overflow": specification.overflow.value,
         "division": {"method": type(numbers.typed.division).__name__, **asdict(numbers.typed.division)},

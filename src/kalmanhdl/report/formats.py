@@ -23,9 +23,10 @@ def formats(
     ``unit`` is the real value of one unit of the hardware, so that the last bit is ``resolution`` in the
     model's units; both are None for values on the way. ``used_bits`` is what the data of a
     simulation needed of ``width``. ``proven`` tells that no input within its format makes the value leave
-    its own, by interval analysis. With a ``proof``, ``overflow`` says more: "never", "proven" for tracks
-    that keep its contract, by what is in ``proof``, "reachable" by such tracks, or "flagged", which is not
-    known; and ``least`` and ``greatest`` are proven limits, in the model's units where there is a unit.
+    its own, by interval analysis. ``overflow`` is then "never", else "flagged", and of an input "clamped".
+    With a ``proof`` it may be "proven" for tracks that keep its contract, by what is in ``proof``, or
+    "reachable" by such tracks; and ``least`` and ``greatest`` are proven limits, in the model's units where
+    there is a unit.
     """
     if isinstance(typed, FloatGraph):
         return []
@@ -34,12 +35,12 @@ def formats(
     for role, signals in _named(typed).items():
         for name, index in signals:
             if typed.formats[index] is not None and (role, index) not in {("output", k) for k in known}:
-                rows.append(_row(typed, trace, role, name, index) | _proofs(typed, proof, name, index))
+                rows.append(_row(typed, trace, role, name, index) | _proofs(typed, proof, role, name, index))
                 known.add(index)
     for index, operation in enumerate(typed.graph.operations):
         if isinstance(operation, Quantise) and index not in known:
             name = signal_of(typed.graph.origins[index]).name
-            rows.append(_row(typed, trace, "inner", name, index) | _proofs(typed, proof, "", index))
+            rows.append(_row(typed, trace, "inner", name, index) | _proofs(typed, proof, "inner", "", index))
     return rows
 
 
@@ -53,6 +54,29 @@ def basis(row: dict[str, Any], specification: FixedSpecification, model: Model) 
     inputs = [f"u[{k}]" for k in range(model.p - len(model.inputs), model.p)]
     declared = measured or (row["role"] == "input" and row["signal"] in inputs)
     return "declared range" if declared else "simulated tracks"
+
+
+def proofs(typed: TypedGraph, proof: Proof) -> dict[str, Any]:
+    """What a proof holds for, how many values it speaks of, and how far it came, part by part."""
+    return {
+        "contract": {
+            "inputs": "within their declared ranges, or else within their formats",
+            "initialise": proof.contract.points,
+            "misses_in_a_row": proof.contract.coast,
+        },
+        "proven": len(proof.proven),
+        "reachable": len(proof.reached),
+        "flagged": len(typed.violations) - len(proof.proven) - len(proof.reached),
+        "parts": [
+            {
+                "states": part.states,
+                "covariances": part.covariances,
+                "covariances_unsettled": part.unsettled,
+                "states_unbounded": part.unbounded,
+            }
+            for part in proof.parts
+        ],
+    }
 
 
 def overflows(typed: TypedGraph | FloatGraph, trace: Trace) -> list[dict[str, Any]]:
@@ -116,11 +140,11 @@ def _row(typed: TypedGraph, trace: Trace | None, role: str, name: str, index: in
     }
 
 
-def _proofs(typed: TypedGraph, proof: Proof | None, name: str, index: int) -> dict[str, Any]:
-    """What a proof says of a value, with limits in its unit, or else in that of the hardware."""
-    if proof is None:
-        return {}
+def _proofs(typed: TypedGraph, proof: Proof | None, role: str, name: str, index: int) -> dict[str, Any]:
+    """What is known of a value's limits, with limits in its unit, or else in that of the hardware."""
     chosen = _violations(typed, index)
+    if proof is None:
+        return {"overflow": "clamped" if role == "input" else "flagged" if chosen else "never"}
     unproven = [k for k in chosen if k not in proof.proven]
     bound, form = proof.bounds.get(index), typed.formats[index]
     assert form is not None
@@ -129,7 +153,7 @@ def _proofs(typed: TypedGraph, proof: Proof | None, name: str, index: int) -> di
         overflow = "reachable" if any(k in proof.reached for k in unproven) else "flagged"
     unit = float(form.resolution) * typed.scales.get(name, 1.0)
     return {
-        "overflow": overflow,
+        "overflow": "clamped" if role == "input" else overflow,
         "proof": ", ".join(sorted({proof.proven[k] for k in chosen})) if not unproven else "",
         "least": None if bound is None else bound.low * unit,
         "greatest": None if bound is None else bound.high * unit,

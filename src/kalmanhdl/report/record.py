@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from kalmanhdl.pipeline import Hardware, Implemented
+from kalmanhdl.proof.prove import Proof
 from kalmanhdl.schedule.summary import Summary, summarise
 from kalmanhdl.simulate.side_by_side import Simulation
 from kalmanhdl.target import device
@@ -14,7 +15,8 @@ from kalmanhdl.verify.compare import Verification
 class Record:
     """A build down to where it went: a stage that did not run is None, or empty.
 
-    ``seconds`` are those of stages that do not keep their own: ``simulate``, ``verify``, ``areas``.
+    ``seconds`` are those of stages that keep none of their own: ``simulate``, ``prove``, ``verify``,
+    ``areas``.
     """
 
     hardware: Hardware
@@ -22,6 +24,7 @@ class Record:
     verifications: tuple[Verification, ...] = ()
     implemented: Implemented | None = None
     areas: tuple[AreaFigures, ...] = ()
+    proof: Proof | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
