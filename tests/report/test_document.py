@@ -15,6 +15,7 @@ from builds import DESIGNS, hardware
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.pipeline import proof_of
 from kalmanhdl.report.document import document, plain
+from kalmanhdl.report.page import page
 from kalmanhdl.report.record import Record
 from kalmanhdl.report.writer import json_text
 
@@ -62,7 +63,9 @@ def test_every_width_says_what_it_rests_on_and_whether_it_always_holds(found):
 def test_proofs_are_summed_up_and_stand_in_every_row(nile):
     design = replace(nile.hardware.design, numerics=FixedSpecification(width=8, coast=1))
     made = hardware(design)
-    said = document(Record(hardware=made, proof=proof_of(made.design, made.numbers)))["numerics"]
+    whole = document(record := Record(hardware=made, proof=proof_of(made.design, made.numbers)))
+    assert "are proven not to leave their formats" in page(record, whole)
+    said = whole["numerics"]
     counted = said["proofs"]["proven"] + said["proofs"]["reachable"] + said["proofs"]["flagged"]
     assert counted == len(made.numbers.typed.violations)
     assert said["proofs"]["contract"]["misses_in_a_row"] == 1
