@@ -51,7 +51,7 @@ def test_a_build_writes_one_whole_folder(built):
     out, done = built
     files = {path.name for path in out.iterdir()}
     assert {"design.toml", "cart.v", "graph.txt", "schedule.txt"} <= files
-    assert {"report.json", "report.html", "estimates.csv"} <= files
+    assert {"report.json", "report.html", "estimates.csv", "testbench", "cart.core"} <= files
     assert os.listdir(out.parent) == ["cart"]
     assert f"report: {out / 'report.html'}" in done.stdout
     report = json.loads((out / "report.json").read_text())
