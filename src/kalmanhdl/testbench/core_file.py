@@ -3,8 +3,9 @@
 from collections.abc import Iterable
 from typing import Any
 
-# Yosys writes operands narrower than their operator, wires that nothing reads, and many modules to a file.
-LINT_WAIVED = ("WIDTH", "UNUSED", "DECLFILENAME")
+# Yosys writes operands narrower than their operator, wires that nothing reads, many modules to a file, and
+# wires whose bits depend on others of theirs, which Verilator takes for loops.
+LINT_WAIVED = ("WIDTH", "UNUSED", "DECLFILENAME", "UNOPTFLAT")
 VERILATOR = ("--flatten", "-Wno-fatal", "-Wno-lint", "-Wno-style")
 VERILATOR_COMPILER = ("-std=c++17", "-DVL_USER_FATAL")
 
