@@ -213,6 +213,29 @@ static void product_type(type *r, type a, type b)
     *r = exact(fmin(fmin(x, y), fmin(z, w)), fmax(fmax(x, y), fmax(z, w)), a.fraction + b.fraction);
 }
 
+/* Whether two steps are one operation in the hardware: the same, or one value brought into the same format. */
+static int same(const program *p, const prepared *all, int i, int j)
+{
+    if (i == j) return 1;
+    if (p->code[i].code != QUANTISE || p->code[j].code != QUANTISE) return 0;
+    type x = all[p->code[i].b].t, y = all[p->code[j].b].t;
+    return all[p->code[i].a].at == all[p->code[j].a].at && x.fraction == y.fraction && x.low == y.low && x.high == y.high;
+}
+
+/* Whether y times `weighted` is y (w y) with w >= 0: `_is_weighted_square` of numerics/quantise.py. */
+static int weighted_square(const program *p, const prepared *all, int y, int weighted)
+{
+    int inner = weighted;
+    if (p->code[weighted].code == QUANTISE) {
+        if (p->overflow == WRAP) return 0;
+        inner = all[p->code[weighted].a].at;
+    }
+    if (p->code[inner].code != MULTIPLY) return 0;
+    int a = all[p->code[inner].a].at, b = all[p->code[inner].b].at;
+    if (same(p, all, y, a)) return all[b].t.low >= 0;
+    return same(p, all, y, b) && all[a].t.low >= 0;
+}
+
 static void prepare(const program *p, const format *formats, prepared *all, double *rows)
 {
     for (int i = 0; i < p->count; i++) {
@@ -237,7 +260,13 @@ static void prepare(const program *p, const format *formats, prepared *all, doub
         case SUBTRACT:
             r->t = exact(x->t.low - y->t.high, x->t.high - y->t.low, largest(x->t.fraction, y->t.fraction));
             break;
-        case MULTIPLY: product_type(&r->t, x->t, y->t); break;
+        case MULTIPLY: {
+            int a = (int)(x - all), b = (int)(y - all);
+            product_type(&r->t, x->t, y->t);
+            if (weighted_square(p, all, a, b) || weighted_square(p, all, b, a))
+                r->t = exact(0, r->t.high, r->t.fraction);
+            break;
+        }
         case SCALE: {
             const constant *k = &p->constants[i];
             r->value = k->value;
@@ -339,20 +368,30 @@ static double function_of(int function, double a, double b)
     }
 }
 
+/* How many values were clamped, and how many of them for want of bits above the binary point: no such bit helps
+   one that rounding has made negative and that has no sign. */
+typedef struct { double all, beyond; } clamps;
+
 /* Rounds and clamps a vector, and counts the lanes of `mask` that had to be clamped. */
-static double quantise(double *restrict r, const double *restrict x, const prepared *form, int leaves,
-                       const program *p, const double *restrict mask)
+static clamps quantise(double *restrict r, const double *restrict x, const prepared *form, int leaves,
+                       const program *p, const double *restrict mask, double *restrict clamped)
 {
-    double scale = form->scale, unit = form->unit, low = form->t.low, high = form->t.high, count = 0;
+    double scale = form->scale, unit = form->unit, low = form->t.low, high = form->t.high;
+    double all = 0, beyond = 0, negative = low < 0;
     switch (p->rounding) {
     case FLOOR: EACH r[l] = floor(x[l] * scale) * unit; break;
     case HALF_UP: EACH r[l] = floor(x[l] * scale + 0.5) * unit; break;
     case HALF_EVEN: EACH r[l] = rint(x[l] * scale) * unit; break;
     default: EACH r[l] = trunc(x[l] * scale) * unit; break;
     }
-    if (!leaves) return 0;
-    _Pragma("omp simd reduction(+ : count)")
-    for (int l = 0; l < LANES; l++) count += ((r[l] < low) | (r[l] > high)) ? mask[l] : 0.0;
+    if (!leaves) return (clamps){0, 0};
+    _Pragma("omp simd reduction(+ : all, beyond)")
+    for (int l = 0; l < LANES; l++) {
+        double above = r[l] > high ? mask[l] : 0.0, below = r[l] < low ? mask[l] : 0.0;
+        all += above + below;
+        beyond += above + negative * below;
+        clamped[l] += above + below;
+    }
     if (p->overflow == SATURATE) {
         EACH r[l] = r[l] < low ? low : r[l];
         EACH r[l] = r[l] > high ? high : r[l];
@@ -360,16 +399,27 @@ static double quantise(double *restrict r, const double *restrict x, const prepa
         double span = high - low + unit;
         EACH r[l] = r[l] - span * floor((r[l] - low) / span);
     }
-    return count;
+    return (clamps){all, beyond};
 }
 
 typedef struct {
     const program *p;
     const prepared *all;
     const double *rows;
+    const int64_t *tracks;
     vector *v, *state, *input, *flag, masks[4];
-    double *counts;
+    /* How often each lane was clamped where it counts: after a step with that it counts no more. */
+    vector clamped;
+    clamps *counts;
 } machine;
+
+static void leave(machine *m, clamps *count, int lane, int leaves, int beyond, const double *mask)
+{
+    double left = leaves ? mask[lane] : 0.0;
+    m->clamped[lane] += left;
+    count->all += left;
+    count->beyond += beyond ? left : 0.0;
+}
 
 static void operate(machine *m, int i)
 {
@@ -380,13 +430,14 @@ static void operate(machine *m, int i)
     const double *restrict a = m->v[m->all[o->a].at], *restrict b = m->v[m->all[o->b].at];
     const double *restrict c = m->v[m->all[o->c].at];
     const double *mask = m->masks[o->matters];
-    double count = 0, factor = r->value;
+    clamps count = {0, 0};
+    double factor = r->value;
     switch (o->code) {
     case INPUT: {
         const double *in = m->input[o->a];
         double scale = r->scale, unit = r->unit, low = r->t.low, high = r->t.high;
         EACH out[l] = rint(in[l] * scale) * unit;
-        for (int l = 0; l < LANES; l++) count += ((out[l] < low) | (out[l] > high)) ? mask[l] : 0.0;
+        for (int l = 0; l < LANES; l++) leave(m, &count, l, (out[l] < low) | (out[l] > high), 1, mask);
         EACH out[l] = clamp(out[l], low, high);
         break;
     }
@@ -396,19 +447,19 @@ static void operate(machine *m, int i)
     case SUBTRACT: EACH out[l] = a[l] - b[l]; break;
     case MULTIPLY: EACH out[l] = a[l] * b[l]; break;
     case SCALE: case SHIFT: EACH out[l] = a[l] * factor; break;
-    case QUANTISE: count = quantise(out, a, &m->all[o->b], r->leaves, p, mask); break;
+    case QUANTISE: count = quantise(out, a, &m->all[o->b], r->leaves, p, mask, m->clamped); break;
     case RECIPROCAL: {
         type form = of_format(r->t.width, r->t.fraction, 0), of = m->all[m->all[o->a].at].t;
         for (int l = 0; l < LANES; l++) {
             out[l] = inverted(p, a[l], of, form);
-            count += a[l] < r->least ? mask[l] : 0.0;
+            leave(m, &count, l, a[l] < r->least, a[l] > 0, mask);
         }
         break;
     }
     case DIVIDE:
         for (int l = 0; l < LANES; l++) {
             out[l] = divided(a[l], b[l], r->t, p->rounding);
-            count += out[l] == r->t.high || out[l] == r->t.low ? mask[l] : 0.0;
+            leave(m, &count, l, out[l] == r->t.high || out[l] == r->t.low, 1, mask);
         }
         break;
     case FUNCTION: {
@@ -429,25 +480,31 @@ static void operate(machine *m, int i)
     case NOT: EACH out[l] = 1.0 - a[l]; break;
     default: break;
     }
-    m->counts[i] += count;
+    m->counts[i].all += count.all;
+    m->counts[i].beyond += count.beyond;
 }
 
-/* The rows of LANES tracks at one step. `commands`: 0 no step, 1 a step, 2 one that counts. */
-static void load(machine *m, const double *inputs, const uint8_t *flags, const uint8_t *commands, int64_t at,
-                 int64_t size, int64_t tracks, int64_t first, int starts, vector live)
+/* The rows of LANES tracks at one step, and how many of them have one. `commands`: 0 no step, 1 a step, 2 one
+   that counts. */
+static int load(machine *m, const double *inputs, const uint8_t *flags, const uint8_t *commands, int64_t at,
+                int64_t size, int64_t tracks, int64_t first, int starts, vector live)
 {
+    int many = 0;
     for (int l = 0; l < LANES; l++) {
-        int64_t track = first + l;
-        int inside = track < tracks, command = inside ? commands[at + track] : 0;
+        int inside = first + l < tracks;
+        int64_t track = inside ? m->tracks[first + l] : 0;
+        int command = inside ? commands[at + track] : 0;
         live[l] = command > 0;
+        many += command > 0;
         for (int k = 0; k < m->p->inputs; k++) m->input[k][l] = inside ? inputs[k * size + at + track] : 0;
         for (int k = 0; k < m->p->flags; k++) m->flag[k][l] = inside ? flags[k * size + at + track] : 0;
-        double counted = command == 2, starting = m->flag[starts][l];
+        double counted = command == 2 && m->clamped[l] == 0, starting = m->flag[starts][l];
         m->masks[0][l] = 0;
         m->masks[1][l] = counted * starting;
         m->masks[2][l] = counted * (1 - starting);
         m->masks[3][l] = counted;
     }
+    return many;
 }
 
 static void run_group(machine *m, const int32_t *order, int count, int64_t steps, int64_t tracks, int64_t first,
@@ -457,8 +514,9 @@ static void run_group(machine *m, const int32_t *order, int count, int64_t steps
     int64_t size = steps * tracks;
     vector live;
     memset(m->state, 0, sizeof(vector) * (size_t)p->states);
+    memset(m->clamped, 0, sizeof(vector));
     for (int64_t s = 0; s < steps; s++) {
-        load(m, inputs, flags, commands, s * tracks, size, tracks, first, starts, live);
+        if (!load(m, inputs, flags, commands, s * tracks, size, tracks, first, starts, live)) continue;
         for (int k = 0; k < count; k++) operate(m, order[k]);
         for (int k = 0; k < p->states; k++) {
             const double *next = m->v[m->all[p->state_roots[k]].at];
@@ -467,24 +525,45 @@ static void run_group(machine *m, const int32_t *order, int count, int64_t steps
         }
         for (int k = 0; k < p->outputs; k++) {
             const double *value = m->v[m->all[p->output_roots[k]].at];
-            for (int l = 0; l < LANES && first + l < tracks; l++) outputs[k * size + s * tracks + first + l] = value[l];
+            double *row = outputs + k * size + s * tracks;
+            for (int l = 0; l < LANES && first + l < tracks; l++) row[m->tracks[first + l]] = value[l];
         }
     }
 }
 
+/* The tracks by the step at which they end, so that those of one vector end together. Returns 0, or 1 without
+   memory. */
+static int sort_by_end(const uint8_t *commands, int64_t steps, int64_t tracks, int64_t *sorted)
+{
+    int64_t *ends = calloc((size_t)tracks, sizeof *ends), *from = calloc((size_t)steps + 2, sizeof *from);
+    int failed = !ends || !from;
+    if (!failed) {
+        for (int64_t s = 0; s < steps; s++)
+            for (int64_t t = 0; t < tracks; t++)
+                if (commands[s * tracks + t]) ends[t] = s + 1;
+        for (int64_t t = 0; t < tracks; t++) from[ends[t] + 1]++;
+        for (int64_t s = 0; s < steps; s++) from[s + 1] += from[s];
+        for (int64_t t = 0; t < tracks; t++) sorted[from[ends[t]]++] = t;
+    }
+    free(ends);
+    free(from);
+    return failed;
+}
+
 /* All steps of all tracks. Arrays: inputs, flags and outputs (k, steps, tracks), commands (steps, tracks).
-   Sets the types, and counts in which values were clamped where it matters. Returns 0, or 1 without memory. */
+   Where no track of a vector has a step, outputs stay as they are. Sets the types, and counts in which values were clamped where it matters. Returns 0, or 1 without memory. */
 int run_formats(const program *p, const format *formats, int64_t steps, int64_t tracks, int32_t starts,
                 const double *inputs, const uint8_t *flags, const uint8_t *commands, double *outputs, prepared *types,
-                double *counts)
+                clamps *counts)
 {
     size_t n = (size_t)p->count, vectors = n + (size_t)(p->states + p->inputs + p->flags);
     vector *all = aligned_alloc(64, sizeof(vector) * vectors);
     int32_t *order = malloc(sizeof(int32_t) * n);
     double *rows = malloc(sizeof(double) * (size_t)(p->row_begin[p->tables] + 1));
-    int failed = !all || !order || !rows;
+    int64_t *sorted = malloc(sizeof(int64_t) * (size_t)tracks);
+    int failed = !all || !order || !rows || !sorted || sort_by_end(commands, steps, tracks, sorted);
     if (!failed) {
-        machine m = {.p = p, .all = types, .rows = rows, .v = all, .counts = counts};
+        machine m = {.p = p, .all = types, .rows = rows, .tracks = sorted, .v = all, .counts = counts};
         m.state = all + n;
         m.input = m.state + p->states;
         m.flag = m.input + p->inputs;
@@ -496,5 +575,6 @@ int run_formats(const program *p, const format *formats, int64_t steps, int64_t 
     free(all);
     free(order);
     free(rows);
+    free(sorted);
     return failed;
 }

@@ -55,15 +55,17 @@ class Drive:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
-    """What a program put out: (outputs, steps, tracks), in the hardware's units.
+    """What a program put out: (outputs, steps, tracks), in the hardware's units; no number where no step is.
 
     ``types`` holds for each step of the program the type that it took, ``clamped`` how often its value did
-    not fit its format in a step in which it mattered.
+    not fit its format where it mattered: in the first such step of a track, for what follows means nothing.
+    ``beyond`` counts those for want of bits above the binary point.
     """
 
     outputs: Array
     types: NDArray[np.void]
     clamped: Array
+    beyond: Array
 
 
 class _Program(ctypes.Structure):
@@ -134,9 +136,9 @@ class FormatEngine:
             rows=static.rows.ctypes.data,
             reciprocals=reciprocals.ctypes.data if by_table else None,
         )
-        outputs = np.empty((len(kept), steps, tracks))
+        outputs = np.zeros((len(kept), steps, tracks))
         types = np.empty(len(program.steps), _TYPE)
-        clamped = np.zeros(len(program.steps))
+        clamped = np.zeros((len(program.steps), 2))
         failed = _function()(
             ctypes.byref(handed),
             _address(forms),
@@ -147,7 +149,7 @@ class FormatEngine:
         )
         if failed:
             raise MemoryError
-        return Run(outputs=outputs, types=types, clamped=clamped)
+        return Run(outputs=outputs, types=types, clamped=clamped[:, 0], beyond=clamped[:, 1])
 
 
 def known_clamped(run: Run, program: Program) -> bool:
