@@ -455,26 +455,36 @@ def _widths(text: str) -> range:
 @app.command()
 @reported
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="bhatia2012, kumar2014, liu2007 or wu2012.")],
+    paper: Annotated[
+        str, typer.Argument(metavar="PAPER", help="bhatia2012, kumar2014, lee1997, liu2007 or wu2012.")
+    ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="A folder to make, for pictures.")] = None,
+    no_place: Annotated[
+        bool, typer.Option("--no-place", help="Leave the paper's architectures out; they take minutes each.")
+    ] = False,
     force: _Force = False,
 ) -> None:
-    """Run a paper's experiment again: its printed figures beside those of the run."""
+    """Run a paper's experiment again: its printed figures beside those of the run, then its hardware."""
     from kalmanhdl.output import check_folder, new_folder
     from kalmanhdl.report.chart import save_chart
+    from kalmanhdl.reproduce.papers import hardware
     from kalmanhdl.reproduce.papers import reproduce as run
     from kalmanhdl.tables import reproduction_table
 
     if out is not None:
         check_folder(out, force=force)
     with Progress() as progress:
-        found = run(paper, progress)
-    typer.echo(reproduction_table(found))
+        found = [run(paper, progress)]
+        if not no_place and (architectures := hardware(paper, progress)):
+            found.append(architectures)
+    tables = "\n\n".join(map(reproduction_table, found))
+    typer.echo(tables)
     if out is not None:
         with new_folder(out, force=force) as folder:
-            (folder / "figures.txt").write_text(f"{reproduction_table(found)}\n", encoding="utf-8")
-            for name, chart in found.charts.items():
-                save_chart(chart, folder / f"{name}.png")
+            (folder / "figures.txt").write_text(f"{tables}\n", encoding="utf-8")
+            for one in found:
+                for name, chart in one.charts.items():
+                    save_chart(chart, folder / f"{name}.png")
         typer.echo(f"pictures: {out}")
 
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from kalmanhdl.algorithm import Conventional
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
-from kalmanhdl.model.initial import given
-from kalmanhdl.model.state_space import LinearModel, linear_model
+from kalmanhdl.model.initial import given, two_point
+from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.pipeline import Progress, silent
 from kalmanhdl.report.chart import Chart, Line, Panel, Style
@@ -59,30 +59,46 @@ class Figures:
 def paper_model() -> LinearModel:
     """The filter with the constants of lee1997, in both axes their own."""
     lee = facts("kumar2014")["lee1997"]
-    return _model(lee["T"], lee["process"], lee["covariance"])
+    return _model(lee["T"], lee["process"], _begun(lee["covariance"]))
+
+
+def radar_model() -> LinearModel:
+    """The same filter on plots of a radar, begun from two of them as in lee1997."""
+    lee = facts("kumar2014")["lee1997"]
+    return _model(lee["T"], lee["process"], two_point(), lee["measurement_range"])
 
 
 def fitted_model() -> LinearModel:
     """The filter with the T and the first covariance that give the printed numbers."""
     fit, variances = facts("kumar2014")["fitted"], np.array(facts("kumar2014")["lee1997"]["measurement"])
-    return _model(fit["T"], fit["process"] * variances, np.outer(variances, fit["covariance"]))
+    return _model(fit["T"], fit["process"] * variances, _begun(np.outer(variances, fit["covariance"])))
 
 
-def _model(T: float, process: ArrayLike, covariance: Any) -> LinearModel:
-    data = facts("kumar2014")
+def _begun(covariance: Any) -> Initial | InitialRule:
+    """The state of section 4.1, and the covariances of both axes: P11, P12, P22."""
     P = np.zeros((4, 4))
     for k, (p11, p12, p22) in enumerate(covariance):
         P[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p11, p12], [p12, p22]]
+    return given(facts("kumar2014")["initial"], P, at="before_first")
+
+
+def _model(
+    T: float,
+    process: ArrayLike,
+    initial: Initial | InitialRule,
+    limits: ArrayLike = ((-2000, 2000), (-2000, 2000)),
+) -> LinearModel:
+    data = facts("kumar2014")
     return linear_model(
         np.kron(np.eye(2), [[1.0, T], [0.0, 1.0]]),
         np.kron(np.eye(2), [[1.0, 0.0]]),
         np.diag(np.kron(process, [0.0, 1.0])),
         np.diag(data["lee1997"]["measurement"]),
-        initial=given(data["initial"], P, at="before_first"),
+        initial=initial,
         state_names=("range", "range_rate", "bearing", "bearing_rate"),
         state_units=("m", "m/s", "rad", "rad/s"),
         measurement_names=("range_plot", "bearing_plot"),
-        measurement_range=np.array([[-2000, 2000], [-2000, 2000]]),
+        measurement_range=np.array(limits),
     )
 
 

@@ -10,14 +10,28 @@ from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.validation import nearest, shown
 
 PAPERS = ("bhatia2012", "kumar2014", "lee1997", "liu2007", "wu2012")
+# Those whose architectures are built beside ours; of the others the experiment itself is hardware.
+_BUILT = ("kumar2014", "liu2007")
 
 
 def reproduce(paper: str, progress: Progress = silent) -> Reproduction:
     """Run the experiment of a paper. Raises DesignError for a paper that is not among ``PAPERS``."""
     if paper not in PAPERS:
         raise DesignError(f"{shown(paper)} is no paper with an experiment here: {nearest(paper, PAPERS)}")
+    return _run(paper, progress)
+
+
+def hardware(paper: str, progress: Progress = silent) -> Reproduction | None:
+    """The architectures of a paper of ``PAPERS`` and ours, placed and routed; None where it has no table.
+
+    Takes minutes for each of them. Raises as ``pipeline.implement`` does.
+    """
+    return _run(f"{paper}_hardware", progress) if paper in _BUILT else None
+
+
+def _run(module: str, progress: Progress) -> Reproduction:
     # Each has its figures, whatever they are, and one form in which it hands them on.
-    module = import_module(f"kalmanhdl.reproduce.{paper}")
-    figures: Callable[[Progress], Any] = module.figures
-    handed: Callable[[Any], Reproduction] = module.reproduction
+    found = import_module(f"kalmanhdl.reproduce.{module}")
+    figures: Callable[[Progress], Any] = found.figures
+    handed: Callable[[Any], Reproduction] = found.reproduction
     return handed(figures(progress))
