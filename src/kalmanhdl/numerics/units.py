@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm.filter import Filter
 from kalmanhdl.algorithm.trace import components, trace
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.errors import FormatError
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.ranges import Plots, Ranges, observed
@@ -17,6 +18,9 @@ from kalmanhdl.validation import InvalidValueError
 
 Array = NDArray[np.float64]
 
+# What no state of a filter that works comes to, whatever its unit.
+_DIVERGED = 1e100
+
 
 def units(model: Model, filter_: Filter, specification: FixedSpecification, plots: Plots) -> Scaling:
     """The scaling a design asks for.
@@ -24,9 +28,13 @@ def units(model: Model, filter_: Filter, specification: FixedSpecification, plot
     "auto": one unit of a state is the power of two that brings its values over the plots just inside
     the format of states; a measurement of one state shares its unit. The covariance of a component is
     then divided by the variance of its first measurement, so that this measurement has R = 1.
+
+    Raises FormatError where the filter diverges on the plots.
     """
     graph = trace(model, filter_)
     ranges, roots = observed(graph, model, plots), dict(graph.outputs)
+    for i, name in enumerate(model.state_names):
+        _check_converged(name, ranges, roots[f"x[{i}]"])
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)
     else:
@@ -44,6 +52,13 @@ def units(model: Model, filter_: Filter, specification: FixedSpecification, plot
         control=control,
         covariance=covariance,
     )
+
+
+def _check_converged(name: str, ranges: Ranges, root: int) -> None:
+    reach = max(-ranges.low[root], ranges.high[root])
+    if not reach < _DIVERGED:
+        problem = f"state {name} comes to {reach:.1e} in floats on tracks drawn from the model"
+        raise FormatError(f"{problem}: the filter diverges; choose another algorithm, or mend the model")
 
 
 def _unit(ranges: Ranges, root: int, specification: FixedSpecification) -> float:
