@@ -126,7 +126,11 @@ def _of_lane(section: Section, shown: Interface, lane: int) -> Section:
     own = section.steps.tracks % shown.lanes == lane
     # Of shared streams so many results are on the way in all, of others so many in each.
     shared = len(shown.streams) == 1
-    left = int(own[len(own) - section.left :].sum()) if shared else min(section.left, int(own.sum()))
+    if shared:
+        left = int(own[len(own) - section.left :].sum())
+    else:
+        count = int(own.sum())
+        left = section.left if count > section.left else min(count, 1)
     return replace(section, steps=replace(section.steps, order=section.steps.order[own]), left=left)
 
 

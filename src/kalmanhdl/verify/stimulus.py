@@ -224,7 +224,8 @@ class Section:
     """Steps between two resets, and how the streams pause.
 
     ``blocked``: no result is taken before the hardware is full. ``left``: so many results of each stream are
-    still on the way when the reset comes that ends the section, or all of its results where it has fewer.
+    still on the way when the reset comes that ends the section, or one where it has no more than so many:
+    before its first result the entrance may be full.
     """
 
     steps: Steps
@@ -290,7 +291,8 @@ def _short(
     source, sink = random.choice((0.0, *_STALLS), 2) if random.random() < 0.5 else (0.0, 0.0)
     stalls = Stalls(seed=_seed(random), source=float(source), sink=float(sink))
     left = int(random.integers(0, clocks.on_the_way(steady=not source), endpoint=True))
-    size = int(random.integers(left, 2 * _SHORT_STEPS - left, endpoint=True)) * streams or 1
+    least = left + 1 if left > 1 else left
+    size = int(random.integers(least, 2 * _SHORT_STEPS - left, endpoint=True)) * streams or 1
     steps = random_steps(typed, size, tracks, _seed(random), few=bool(random.random() < 0.5))
     return Section(steps=steps, stalls=stalls, left=left)
 

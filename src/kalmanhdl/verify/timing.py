@@ -45,8 +45,10 @@ def on_the_way(plan: Plan, *, steady: bool) -> int:
 
     Steps wait in the register at the entrance and in the second place for them, unless the sender is not
     ``steady`` and left a gap between the two; the others have started since the result before theirs did.
+    Steps of a sender that pauses may all have come after that result, and wait for the first of them.
     """
-    started = (START + results(plan) + EXIT) // return_clocks(plan)
+    clocks = return_clocks(plan)
+    started = (START + results(plan) + EXIT) // clocks if steady or clocks == 1 else 0
     return 1 + (1 + steady if _waiting(plan) else 0) + started
 
 
