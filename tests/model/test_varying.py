@@ -70,7 +70,7 @@ def test_what_cannot_be_is_said(changes, message):
         model(**changes)
 
 
-@pytest.mark.parametrize("kind", ["scheduled", "taylor", "bierman_thornton"])
+@pytest.mark.parametrize("kind", ["scheduled", "taylor"])
 def test_algorithms_that_rest_on_constants_refuse(kind):
     with pytest.raises(
         DesignError, match='does not suit a time-varying model: use "conventional" or "joseph"'
