@@ -164,9 +164,7 @@ def test_noise_that_a_step_correlates_is_factored_in_every_step():
 
 def test_factors_of_a_singular_noise_that_varies_are_refused():
     model = _timed([["dt^4/4", "dt^3/2"], ["dt^3/2", "dt^2"]])
-    with pytest.raises(
-        ModelError, match=r"model\.Q of x0, x1 varies and is singular: use one"
-    ):
+    with pytest.raises(ModelError, match=r"model\.Q of x0, x1 varies and is singular: use one"):
         ALGORITHMS["bierman_thornton"]()(model)
 
 
