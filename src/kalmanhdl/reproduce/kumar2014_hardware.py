@@ -7,6 +7,7 @@ parallel; time-multiplexed, range in odd clocks and bearing in even ones, on hal
 from dataclasses import replace
 
 from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
+from kalmanhdl.arithmetic.fixed import Overflow
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.pipeline import Progress, silent
@@ -38,7 +39,7 @@ def candidates() -> tuple[Candidate, ...]:
         "32 bits, parallel, radix 2": _long(_RADIX_2, _PARALLEL),
         "32 bits, parallel, radix 4": _long(_RADIX_4, _PARALLEL),
         "32 bits, half the operators, radix 4": _long(_RADIX_4, shared),
-        "12 bits, parallel, table": _short(_TABLE, _PARALLEL),
+        "12 bits, parallel, table": _single_cycle(),
         "12 bits, five multipliers, one table": _short(_TABLE, few),
         "12 bits, pipelined, table": _short(_TABLE, many),
     }
@@ -61,6 +62,20 @@ def _short(division: DivisionMethod, architecture: Architecture) -> Design:
         architecture=architecture,
         target=_TARGET,
     )
+
+
+def _single_cycle() -> Design:
+    """As designs/lee1997_single_cycle.toml: nothing saturates, F is wires, 1 / S is looked up whole."""
+    T = facts("kumar2014")["lee1997"]["T"]
+    numerics = FixedSpecification(
+        width=12,
+        classes={"innovation_covariance": 10},
+        overflow=Overflow.WRAP,
+        coast=2,
+        scale=(2.0**18, 2.0**13 / T, 2.0**3, 2.0**-3 / T),
+        division=TableNewton(index_bits=9, iterations=0),
+    )
+    return replace(_short(_TABLE, _PARALLEL), numerics=numerics)
 
 
 def figures(progress: Progress = silent) -> tuple[Built, ...]:
