@@ -173,7 +173,10 @@ methods = st.one_of(
 
 @st.composite
 def typed_graphs(draw: st.DrawFn, largest: int = 24) -> TypedGraph:
-    """Any typed graph: every class of operation, states that may or may not feed each other."""
+    """Any typed graph: every class of operation, states that may or may not feed each other.
+
+    States that are read are stored, as in every graph.
+    """
     builder = Builder(draw(methods))
     names = [f"x[{k}]" for k in range(draw(st.integers(0, 4)))]
     state_forms = {name: draw(formats) for name in names}
@@ -181,7 +184,7 @@ def typed_graphs(draw: st.DrawFn, largest: int = 24) -> TypedGraph:
     numbers += [builder.source(Input(f"z[{k}]"), draw(formats)) for k in range(draw(st.integers(1, 3)))]
     numbers.append(builder.constant(draw(st.integers(-3000, 3000)), draw(st.integers(-2, 12))))
     flags = [builder.flag(Flag("initialise"))]
-    if draw(st.booleans()):
+    if kept := draw(st.booleans()):
         flags.append(builder.flag(StateFlag("saturated")))
     for _ in range(draw(st.integers(0, largest))):
         _grow(draw, builder, numbers, flags)
@@ -190,7 +193,7 @@ def typed_graphs(draw: st.DrawFn, largest: int = 24) -> TypedGraph:
                                draw(st.sampled_from(Overflow)))
         for name, form in state_forms.items()
     }  # fmt: skip
-    if draw(st.booleans()):
+    if kept or draw(st.booleans()):
         states["saturated"] = draw(st.sampled_from(flags))
     outputs = {f"y[{k}]": draw(st.sampled_from(numbers)) for k in range(draw(st.integers(0, 2)))}
     return builder.typed(states, outputs, draw(st.sampled_from(Rounding)))

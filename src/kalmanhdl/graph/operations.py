@@ -258,7 +258,7 @@ class Graph:
 
     ``origins[k]`` names the equation of ``operations[k]``, such as ``update: S[0,1]``. ``states`` gives
     the operation whose value a state takes for the next step, ``outputs`` what the step puts out; both
-    are ordered.
+    are ordered. Every state that an operation reads is among ``states``.
     """
 
     operations: tuple[Operation, ...]
