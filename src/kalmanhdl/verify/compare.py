@@ -6,23 +6,19 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.errors import VerificationError
 from kalmanhdl.rtl.interface import COMMAND_WIDTH, Interface
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.simulate.engine import Engine
 from kalmanhdl.simulate.engine import Trace as EngineTrace
-from kalmanhdl.simulate.limbs import Integers, from_limbs, to_limbs
+from kalmanhdl.simulate.limbs import Integers
 from kalmanhdl.toolchain.harness import Border, Stream, Watch
 from kalmanhdl.toolchain.simulation import Run, Sent, Simulate, Traces
 from kalmanhdl.verify.border import RESET, border_of, sent_numbers, state_watches, stream_pair
 from kalmanhdl.verify.clocks import Clocks, clocks_of
 from kalmanhdl.verify.stimulus import Section, Steps
-
-Words = NDArray[np.uint64]
+from kalmanhdl.verify.words import Words, columns, values_of, words_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +139,7 @@ def _loads(border: Border, image: Sequence[int]) -> Iterator[Run]:
         border,
         coefficient_write=np.ones(count, np.int64),
         coefficient_address=np.arange(count),
-        coefficient_data=np.array(image),
+        coefficient_data=np.array(image, dtype=object),
     )
     yield _pulse(border)
 
@@ -160,7 +156,7 @@ def _alone(border: Border, **fields: Integers) -> Run:
     for number, (source, _) in enumerate(border.pairs):
         zeros = np.zeros(0 if number else count, np.int64)
         words = [
-            _words(zeros if number else fields.get(name, zeros), width) for name, width in source.payload
+            words_of(zeros if number else fields.get(name, zeros), width) for name, width in source.payload
         ]
         sent.append(Sent(tokens=np.concatenate(words, axis=1), results=0))
     return Run(sent=tuple(sent))
@@ -261,7 +257,7 @@ def _packed(source: Stream, interface: Interface, steps: Steps) -> Words:
     """One token a step, in sending order."""
     fields = {**sent_numbers(steps, interface)}
     fields |= {name: np.zeros(len(steps.order), np.int64) for name in (RESET, *dict(interface.loading))}
-    words = [_words(fields[_bare(name, interface)], width) for name, width in source.payload]
+    words = [words_of(fields[_bare(name, interface)], width) for name, width in source.payload]
     return np.concatenate(words, axis=1)
 
 
@@ -270,45 +266,12 @@ def _bare(name: str, interface: Interface) -> str:
     return next((name.removeprefix(p) for p in interface.streams if p and name.startswith(p)), name)
 
 
-def _words(values: Integers, width: int) -> Words:
-    if width <= 64:
-        mask = np.uint64((1 << width) - 1)
-        return (values.astype(np.int64).view(np.uint64) & mask)[:, None]
-    limbs = to_limbs(values, -(-width // 64))
-    if width % 64:
-        limbs[:, -1] &= np.uint64((1 << width % 64) - 1)
-    return limbs
-
-
-def _values(words: Words, width: int, form: Fixed | Float | None) -> Integers:
-    """Raw integers from the words of a port."""
-    if isinstance(form, Float):
-        return words[:, 0] if width <= 64 else from_limbs(words)
-    signed = form is not None and form.signed
-    if width > 64:
-        raws = from_limbs(words)
-        return np.where(raws >= 1 << (width - 1), raws - (1 << width), raws) if signed else raws
-    raws = words[:, 0].astype(np.int64) if width < 64 else words[:, 0].view(np.int64)
-    half = 1 << (width - 1)
-    return (raws ^ half) - half if signed and width < 64 else raws
-
-
-def _columns(words: Words, ports: tuple[tuple[str, int], ...]) -> dict[str, Words]:
-    """The words of each port by name."""
-    columns, place = {}, 0
-    for name, width in ports:
-        count = -(-width // 64)
-        columns[name] = words[:, place : place + count]
-        place += count
-    return columns
-
-
 def _first_mismatch(
     border: Border, interface: Interface, parts: _Parts, traces: Traces, expected: EngineTrace
 ) -> Mismatch | None:
     found = [
         _in_outputs(
-            _columns(trace.outputs, stream_pair(interface, "")[1].payload), interface, part.steps, expected
+            columns(trace.outputs, stream_pair(interface, "")[1].payload), interface, part.steps, expected
         )
         for part, trace in zip(parts.streams, traces, strict=True)
     ]
@@ -327,15 +290,15 @@ def _first(found: Iterable[Mismatch | None]) -> Mismatch | None:
 
 
 def _in_outputs(
-    columns: dict[str, Words], interface: Interface, steps: Steps, expected: EngineTrace
+    given: dict[str, Words], interface: Interface, steps: Steps, expected: EngineTrace
 ) -> Mismatch | None:
-    commands = _values(columns["out_command"], COMMAND_WIDTH, None)
+    commands = values_of(given["out_command"], COMMAND_WIDTH, None)
     found = [_difference("out_command", commands, steps.commands.ravel(), steps)]
-    if "out_track" in columns:
-        seen = _values(columns["out_track"], interface.track_width, None)
+    if "out_track" in given:
+        seen = values_of(given["out_track"], interface.track_width, None)
         found.append(_unequal("out_track", seen, interface.track_id(steps.tracks), steps.tracks))
     for port in interface.outputs:
-        seen = _values(columns[port.name], port.width, port.form)
+        seen = values_of(given[port.name], port.width, port.form)
         found.append(_difference(port.signal, seen, expected.outputs[port.signal].ravel(), steps))
     return _first(found)
 
@@ -343,7 +306,7 @@ def _in_outputs(
 def _in_states(
     watch: Watch, interface: Interface, section: Section, records: Words, states: dict[str, Integers]
 ) -> Mismatch | None:
-    columns = _columns(records, watch.wires)
+    given = columns(records, watch.wires)
     steps = section.steps
     fewest = len(steps.order) - section.left
     if not fewest <= len(records) <= len(steps.order):
@@ -356,12 +319,12 @@ def _in_states(
         )
     found = []
     for state in interface.states:
-        if state.data in columns:
+        if state.data in given:
             width = state.form.width if state.form else 1
-            seen = _values(columns[state.data], width, state.form)
+            seen = values_of(given[state.data], width, state.form)
             found.append(_difference(f"state {state.state}", seen, states[state.state].ravel(), steps))
-        if state.track and state.track in columns:
-            seen = _values(columns[state.track], interface.track_width - interface.lane_width, None)
+        if state.track and state.track in given:
+            seen = values_of(given[state.track], interface.track_width - interface.lane_width, None)
             found.append(_unequal(state.track, seen, steps.tracks // interface.lanes, steps.tracks))
     return _first(found)
 
