@@ -5,6 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kalmanhdl.design import Design
+from kalmanhdl.graph.operations import Input
+from kalmanhdl.model.initial import given as given_state
+from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.numerics.floating import FloatSpecification
+from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.pipeline import numbers_of
 from kalmanhdl.rtl.interface import interface
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.verify.stimulus import FOURTH, random_sections, random_steps
@@ -59,3 +66,24 @@ def test_sections_pause_fill_the_hardware_and_leave_results_on_the_way(plan):
     assert any(section.blocked for section in sections)
     assert any(section.stalls.sink for section in sections)
     assert {section.left for section in sections} >= {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    "numerics",
+    [
+        *(FixedSpecification(width=width) for width in (63, 64, 65)),
+        FloatSpecification(exponent=11, mantissa=52),
+    ],
+    ids=["63 bits", "64 bits", "65 bits", "double"],
+)
+def test_random_numbers_as_wide_as_a_word_have_every_bit(numerics):
+    model = linear_model([[1.0]], [[1.0]], [[1.0]], [[1.0]], initial=given_state([0.0], [[1.0]]))
+    typed = numbers_of(Design(name="one", model=model, numerics=numerics)).typed
+    steps = random_steps(typed, 200, 1, 1)
+    formats = zip(typed.graph.operations, typed.formats, strict=True)
+    for name, form in [(o.name, form) for o, form in formats if isinstance(o, Input)]:
+        raws = steps.inputs[name].ravel()
+        assert all(isinstance(raw, int | np.integer) for raw in raws)
+        seen = [int(raw) % (1 << form.width) for raw in raws]
+        assert np.bitwise_or.reduce(np.array(seen, object)) == (1 << form.width) - 1
+        assert np.bitwise_and.reduce(np.array(seen, object)) == 0

@@ -307,8 +307,7 @@ _FAR, _LIMITS = 0.03, 0.02
 
 def _floats(random: np.random.Generator, form: Float, shape: tuple[int, int]) -> Integers:
     """Encoded numbers: as a rule near one; some anywhere, not numbers among them, some at the limits."""
-    bits = [1 << k for k in range(form.width)]
-    anywhere = (random.integers(0, 2, (*shape, form.width)).astype(object) * bits).sum(axis=-1)
+    anywhere = _any_bits(random, form.width, shape)
     spread = min(form.bias, 1 + form.mantissa // 2)
     exponents = form.bias + random.integers(-spread, spread, shape).astype(object)
     fraction = anywhere & ((1 << form.mantissa) - 1)
@@ -320,13 +319,19 @@ def _floats(random: np.random.Generator, form: Float, shape: tuple[int, int]) ->
     return np.asarray(drawn.astype(np.uint64) if form.width <= 64 else drawn)
 
 
+def _any_bits(random: np.random.Generator, width: int, shape: tuple[int, int]) -> Integers:
+    """Python integers of so many bits, each of them drawn."""
+    bits = random.integers(0, 2, (*shape, width)).astype(object)
+    # Of a list of them NumPy may make floats.
+    return np.asarray((bits * np.array([1 << k for k in range(width)], object)).sum(axis=-1))
+
+
 def _anywhere(random: np.random.Generator, form: Fixed | Float, shape: tuple[int, int]) -> Integers:
     """Raw integers: half of them anywhere, a quarter small, a quarter at the limits."""
     if isinstance(form, Float):
         return _floats(random, form, shape)
     if form.width > 62:
-        bits = random.integers(0, 2, (*shape, form.width)).astype(object)
-        return np.asarray((bits * [1 << k for k in range(form.width)]).sum(axis=-1) + form.lowest)
+        return np.asarray(_any_bits(random, form.width, shape) + form.lowest)
     anywhere = random.integers(form.lowest, form.highest, shape, endpoint=True)
     small = anywhere >> (form.width // 2)
     limits = np.where(random.random(shape) < 0.5, form.lowest, form.highest)
