@@ -27,8 +27,8 @@ LINE = (
         "design_file",
     ),
     *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "testbench", "processor"),
-    *("pipeline", "loading", "report", "reproduce", "output", "build", "tables", "console"),
-    *("processor_commands", "loading_commands", "cli", "__main__"),
+    *("pipeline", "loading", "report", "reproduce", "output", "build", "tables"),
+    *("interruption", "console", "processor_commands", "loading_commands", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.
 DOORS = {("design", later) for later in ("design_file", "simulate", "pipeline", "report", "build")}

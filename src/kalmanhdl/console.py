@@ -5,28 +5,24 @@ Nothing else of the package prints, but the commands themselves.
 
 import functools
 import os
-import signal
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, ParamSpec, Self, TextIO
 
 import typer
 
 from kalmanhdl.errors import KalmanhdlError
+from kalmanhdl.interruption import INTERRUPTED, Interrupted
 from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning
 
-FAILED, DEFECT, INTERRUPTED = 1, 70, 130
+FAILED, DEFECT = 1, 70
 
 _P = ParamSpec("_P")
-
-
-class Interrupted(BaseException):
-    """Ctrl-C, or a polite request to end."""
 
 
 def reported(command: Callable[_P, None]) -> Callable[_P, None]:
@@ -35,7 +31,6 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
     @functools.wraps(command)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
         _show_warnings()
-        _catch_signals()
         try:
             command(*args, **kwargs)
         except (Interrupted, KeyboardInterrupt):
@@ -80,21 +75,6 @@ def _place(arguments: Mapping[str, object], error: InvalidValueError) -> str:
 def _end(line: str, code: int) -> None:
     typer.echo(" ".join(line.split()), err=True)
     raise typer.Exit(code) from None
-
-
-def _catch_signals() -> None:
-    def stop(number: int, frame: FrameType | None) -> None:
-        # What was begun is cleaned up now, and that is not to be interrupted again.
-        for each in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(each, signal.SIG_IGN)
-        raise Interrupted
-
-    try:
-        for each in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(each, stop)
-    except ValueError:
-        # Only the main thread has signals; a command called from another one does without.
-        return
 
 
 def _show_warnings() -> None:

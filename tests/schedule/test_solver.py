@@ -1,7 +1,11 @@
 """What the solver adds to the list schedule: never worse, always the same, and right about the least."""
 
+import re
+import sys
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
+from signal import SIGINT
 
 import pytest
 from devices import PLAUSIBLE, UNIT
@@ -131,3 +135,16 @@ def test_an_effort_that_cannot_be_is_refused(seconds: object):
 
     with pytest.raises(DesignError, match="solver_seconds"):
         Architecture(solver_seconds=seconds)  # type: ignore[arg-type]
+
+
+def caught(number: int) -> bool:
+    """Whether the process has a handler of its own for a signal, as the system knows it."""
+    status = Path("/proc/self/status").read_text()
+    return bool(int(re.search(r"SigCgt:\s*(\w+)", status)[1], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_a_search_leaves_ctrl_c_to_the_command():
+    assert caught(SIGINT)
+    schedule(waves(3), PLAUSIBLE, Wanted(units={"multiply": 1, "add": 1}, channels=3, solver_seconds=0.1))
+    assert caught(SIGINT)

@@ -85,6 +85,8 @@ def solve(problem: Problem, effort: Effort, part: float, hint: Mapping[int, int]
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
     solver.parameters.random_seed = 1
+    # Ctrl-C would only end this search, and the process from then on without a word.
+    solver.parameters.catch_sigint_signal = False
     solver.parameters.max_deterministic_time = effort.seconds * part
     status = solver.solve(model)
     effort.seconds = max(0.0, effort.seconds - solver.response_proto.deterministic_time)
