@@ -16,6 +16,7 @@ LINE = (
     *(
         "errors",
         "validation",
+        "environment",
         "target",
         "arithmetic",
         "graph",

@@ -118,6 +118,13 @@ def test_a_failing_compiler_shows_its_own_error_line(own_cache, fake_tool, monke
         build_library(VERILOG, "top", BORDER)
 
 
+def test_a_compiler_of_the_environment_that_makes_nothing_is_named(own_cache, fake_tool, monkeypatch):
+    monkeypatch.setenv("CXX", f"{fake_tool('', 'compiler').command[0]} -fast")
+    message = r"^C\+\+ compiler \(CXX = .* -fast.*\) ended well but wrote no simulator.so"
+    with pytest.raises(ToolError, match=message):
+        build_library(VERILOG, "top", BORDER)
+
+
 def test_without_a_compiler_the_error_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))

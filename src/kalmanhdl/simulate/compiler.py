@@ -6,6 +6,7 @@ environment variable ``KALMANHDL_CACHE`` chooses another folder.
 
 import hashlib
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -16,9 +17,9 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-import platformdirs
-
+from kalmanhdl.environment import cache_folder, compiler_of
 from kalmanhdl.errors import ToolError
+from kalmanhdl.validation import shown
 
 # Exact whatever the flags: no contraction into fused multiply-add, and signed integers wrap.
 _EXACT = ("-std=gnu11", "-fPIC", "-shared", "-fwrapv", "-ffp-contract=off", "-w")
@@ -31,10 +32,12 @@ _QUICKLY_MADE = ("-O0", "-march=native", "-DINLINE=static __attribute__((unused)
 
 
 def find_compiler() -> tuple[str, ...] | None:
-    """The command of a C compiler: ``CC``, cc, gcc or clang of the path, ziglang; None without any."""
-    if chosen := os.environ.get("CC"):
-        words = chosen.split()
-        return tuple(words) if shutil.which(words[0]) else None
+    """The command of a C compiler: ``CC``, cc, gcc or clang of the path, ziglang; None without any.
+
+    Raises ToolError where ``CC`` names none.
+    """
+    if named := compiler_of("CC"):
+        return named
     for name in ("cc", "gcc", "clang"):
         if path := shutil.which(name):
             return (path,)
@@ -48,7 +51,7 @@ def shared_library(source: str, command: Sequence[str], *, optimised: bool = Tru
 
     Raises ToolError, with the compiler's own words, if it does not compile.
     """
-    folder = cache_folder()
+    folder = cache_folder("engine")
     compiler = _identity(tuple(command))
     fast = (*_FAST, *(() if "clang" in compiler else _FAST_GCC))
     flags = (*_EXACT, *(fast if optimised else _QUICKLY_MADE))
@@ -59,15 +62,12 @@ def shared_library(source: str, command: Sequence[str], *, optimised: bool = Tru
     return path
 
 
-def cache_folder() -> Path:
-    """The folder of kept libraries, made if it is not there."""
-    chosen = os.environ.get("KALMANHDL_CACHE")
-    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("kalmanhdl"))
-    try:
-        (folder / "engine").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ToolError(f"cache folder {folder}: {error.strerror}: set KALMANHDL_CACHE to another") from error
-    return folder / "engine"
+def _title(command: Sequence[str]) -> str:
+    """What a message calls the compiler of a command."""
+    named = compiler_of("CC")
+    if named and tuple(command[: len(named)]) == named:
+        return f"C compiler (CC = {shown(shlex.join(named))})"
+    return f"C compiler {command[0]}"
 
 
 @lru_cache
@@ -81,7 +81,7 @@ def _identity(command: tuple[str, ...]) -> str:
             check=False,
         )
     except OSError as error:
-        raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
+        raise ToolError(f"{_title(command)}: {error.strerror}") from error
     return done.stderr
 
 
@@ -93,7 +93,9 @@ def _compile(source: str, command: Sequence[str], path: Path) -> None:
         if code_of_exit:
             lines = complaint.strip().splitlines() or [f"exit code {code_of_exit}"]
             line = next((line for line in lines if "error" in line), lines[-1])
-            raise ToolError(f"C compiler {command[0]}: {line}")
+            raise ToolError(f"{_title(command)}: {line}")
+        if not made.is_file():
+            raise ToolError(f"{_title(command)} ended well but wrote no library: name another compiler in CC")
         os.replace(made, path)
 
 
@@ -111,7 +113,7 @@ def _run(command: Sequence[str], folder: str) -> tuple[int, str]:
             start_new_session=True,
         )
     except OSError as error:
-        raise ToolError(f"C compiler {command[0]}: {error.strerror}") from error
+        raise ToolError(f"{_title(command)}: {error.strerror}") from error
     with process:
         try:
             _, complaint = process.communicate()

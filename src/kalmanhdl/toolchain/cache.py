@@ -12,16 +12,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import platformdirs
+from kalmanhdl.environment import cache_folder
 
 _BYTES_KEPT = 2 * 1024**3
 _SAFE_SECONDS = 3600.0
 _STALE_SECONDS = 24 * 3600.0
-
-
-def root() -> Path:
-    """The cache's folder: the user's cache folder, or where ``KALMANHDL_CACHE`` points."""
-    return Path(os.environ.get("KALMANHDL_CACHE") or platformdirs.user_cache_dir("kalmanhdl"))
 
 
 def key(*parts: str | bytes) -> str:
@@ -56,14 +51,11 @@ def entry(kind: str, parts: tuple[str | bytes, ...], make: Callable[[Path], None
 
 
 def _place(kind: str, parts: tuple[str | bytes, ...]) -> Path:
-    return root() / "entries" / f"{kind}-{key(*parts)}"
+    return cache_folder("entries") / f"{kind}-{key(*parts)}"
 
 
 def _publish(place: Path, make: Callable[[Path], None]) -> None:
-    unfinished = root() / "unfinished"
-    unfinished.mkdir(parents=True, exist_ok=True)
-    place.parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(dir=unfinished))
+    folder = Path(tempfile.mkdtemp(dir=cache_folder("unfinished")))
     try:
         make(folder)
         try:
@@ -79,11 +71,11 @@ def _publish(place: Path, make: Callable[[Path], None]) -> None:
 def evict(bytes_kept: int) -> None:
     """Remove the least recently used entries beyond a size, and what killed processes left unfinished."""
     now = time.time()
-    for folder in _folders(root() / "unfinished"):
+    for folder in _folders(cache_folder("unfinished")):
         if now - folder.stat().st_mtime > _STALE_SECONDS:
             shutil.rmtree(folder, ignore_errors=True)
     total = 0
-    for folder in sorted(_folders(root() / "entries"), key=_last_use, reverse=True):
+    for folder in sorted(_folders(cache_folder("entries")), key=_last_use, reverse=True):
         total += _size(folder)
         if total > bytes_kept and now - _last_use(folder) > _SAFE_SECONDS:
             _remove(folder)
@@ -91,7 +83,7 @@ def evict(bytes_kept: int) -> None:
 
 def _remove(folder: Path) -> None:
     # Renamed first: a reader sees the whole entry or none.
-    grave = root() / "unfinished" / f"{folder.name}-{os.getpid()}"
+    grave = cache_folder("unfinished") / f"{folder.name}-{os.getpid()}"
     try:
         folder.rename(grave)
     except OSError:

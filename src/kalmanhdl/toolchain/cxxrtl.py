@@ -10,7 +10,7 @@ from pathlib import Path
 
 from kalmanhdl.errors import ToolError, VerificationError
 from kalmanhdl.toolchain import cache
-from kalmanhdl.toolchain.compiler import find_compiler
+from kalmanhdl.toolchain.compiler import compile_library, find_compiler
 from kalmanhdl.toolchain.harness import Border, pairs_header, watches_header
 from kalmanhdl.toolchain.histories import with_histories
 from kalmanhdl.toolchain.process import Tool, run, working_folder
@@ -86,8 +86,7 @@ def compile_simulator(
             speed = (_FAST_LARGE if len(design) > _LARGE else _FAST) if optimised else _QUICKLY_MADE
             first = () if optimised else _precompiled(compiler)
             options = (*_OPTIONS, *speed, *first, f"-I{_runtime()}")
-            run(compiler, (*options, "harness.cc", "-o", "simulator.so"), work)
-            shutil.copyfile(work / "simulator.so", folder / "simulator.so")
+            compile_library(compiler, (*options, "harness.cc"), work, folder / "simulator.so")
 
     return cache.entry("cxxrtl", parts, make) / "simulator.so"
 

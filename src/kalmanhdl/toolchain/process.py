@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from kalmanhdl.environment import cache_folder
 from kalmanhdl.errors import ToolError
-from kalmanhdl.toolchain import cache
 
 _ERROR_LINE = re.compile(
     r"\bERROR:|(^|\s)(fatal )?error:|undefined reference|^%?\w*Error(-\w+)?: ", re.MULTILINE
@@ -31,11 +31,18 @@ _LOGS_KEPT = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tool:
-    """An external program: how it is called, and what to do where it is missing."""
+    """An external program: how it is called, and what to do where it is missing.
+
+    Messages call it by ``title``, where it has another one than its name.
+    """
 
     name: str
     command: tuple[str, ...]
     remedy: str
+    title: str = ""
+
+    def __str__(self) -> str:
+        return self.title or self.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +144,7 @@ class _Child:
                 )
         except (FileNotFoundError, PermissionError) as error:
             raise ToolError(
-                f"{job.tool.name}: cannot run {job.tool.command[0]!r} ({error.strerror}): {job.tool.remedy}"
+                f"{job.tool}: cannot run {job.tool.command[0]!r} ({error.strerror}): {job.tool.remedy}"
             ) from error
 
     def ended(self) -> bool:
@@ -148,7 +155,7 @@ class _Child:
         if self._process.returncode != 0:
             kept = _keep_log(self._job)
             raise ToolError(
-                f"{self._job.tool.name} failed ({_exit_words(self._process.returncode)}): "
+                f"{self._job.tool} failed ({_exit_words(self._process.returncode)}): "
                 f"{error_line(output)} (log: {kept})"
             )
         return Run(output=output, seconds=time.perf_counter() - self._start)
@@ -174,8 +181,7 @@ def _exit_words(code: int) -> str:
 
 
 def _keep_log(job: Job) -> Path:
-    folder = cache.root() / "logs"
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = cache_folder("logs")
     name = f"{job.tool.name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}-{job.folder.name}.log"
     shutil.copyfile(job.log, folder / name)
     for old in sorted(folder.iterdir(), key=lambda path: path.name.split("-", 1)[1])[:-_LOGS_KEPT]:

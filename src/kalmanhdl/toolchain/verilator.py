@@ -1,12 +1,11 @@
 """Verilator: the Verilog that the user gets, as a shared library with the harness of CXXRTL."""
 
 import re
-import shutil
 from importlib.resources import files
 from pathlib import Path
 
 from kalmanhdl.toolchain import cache
-from kalmanhdl.toolchain.compiler import find_compiler
+from kalmanhdl.toolchain.compiler import compile_library, find_compiler
 from kalmanhdl.toolchain.harness import Border, pairs_header, watches_header
 from kalmanhdl.toolchain.installed import installed, version_line
 from kalmanhdl.toolchain.process import Tool, run, working_folder
@@ -60,8 +59,8 @@ def build_library(verilog: str, top: str, border: Border, *, optimised: bool = T
             sources = sorted(path.name for path in work.glob("Vdesign*.cpp"))
             sources += [str(root / name) for name in _RUNTIME]
             includes = (f"-I{root}", f"-I{root / 'vltstd'}")
-            run(compiler, (*options, *includes, "harness.cc", *sources, "-o", "simulator.so"), work)
-            shutil.copyfile(work / "simulator.so", folder / "simulator.so")
+            arguments = (*options, *includes, "harness.cc", *sources)
+            compile_library(compiler, arguments, work, folder / "simulator.so")
 
     return cache.entry("verilator", (*how, *texts.values()), make) / "simulator.so"
 

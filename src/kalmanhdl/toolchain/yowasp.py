@@ -11,8 +11,8 @@ from functools import cache as remembered
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as package_version
 
+from kalmanhdl.environment import cache_folder
 from kalmanhdl.errors import ToolError
-from kalmanhdl.toolchain import cache
 from kalmanhdl.toolchain.process import Tool, run, working_folder
 
 _log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def version(tool: Tool) -> str:
 def warm_up(tools: Iterable[Tool], report: Callable[[str], None] = _log.info) -> None:
     """Have tools compiled for this machine: 60 to 90 s each the first time, then nothing."""
     for tool in tools:
-        if not (cache.root() / "warm" / version(tool)).exists():
+        if not (cache_folder("warm") / version(tool)).exists():
             report(f"preparing {version(tool)} for this machine; the first time takes one to two minutes")
             ensure_warm(tool)
 
@@ -48,8 +48,7 @@ def warm_up(tools: Iterable[Tool], report: Callable[[str], None] = _log.info) ->
 @remembered
 def ensure_warm(tool: Tool) -> None:
     """Compile the tool for this machine unless that is done; safe with parallel processes."""
-    marks = cache.root() / "warm"
-    marks.mkdir(parents=True, exist_ok=True)
+    marks = cache_folder("warm")
     # Two first calls at once would write one compilation over the other.
     with _exclusive(marks / f"{tool.name}.lock"), working_folder() as folder:
         _log.info("starting %s; its first call on a machine compiles it for one to two minutes", tool.name)
