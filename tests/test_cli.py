@@ -202,6 +202,51 @@ def test_an_unwritable_place_is_told_before_the_work(tmp_path, monkeypatch):
     assert done.stderr.startswith(f"error: {tmp_path / 'file' / 'out'}: ")
 
 
+FILES = [
+    (["show", DESIGN], "--out", "x.png"),
+    (["formats", DESIGN], "--out", "x.toml"),
+    (["formats", DESIGN], "--picture", "x.png"),
+    (["sweep", DESIGN], "--out", "x.csv"),
+    (["sweep", DESIGN], "--picture", "x.svg"),
+    (["image", DESIGN], "--out", "x.csv"),
+    (["asm", "gone.asm"], "--out", "x.hex"),
+    (["disasm", "gone.hex"], "--out", "x.asm"),
+]
+
+
+@pytest.mark.parametrize(("call", "option", "name"), FILES)
+def test_what_is_wrong_with_a_file_to_write_is_told_before_the_work(
+    tmp_path, monkeypatch, call, option, name
+):
+    monkeypatch.setattr("kalmanhdl.design.Design.load", lambda *_: pytest.fail("the work began"))
+    file, folder = tmp_path / name, tmp_path / f"in.{name}"
+    file.write_text("mine")
+    folder.mkdir()
+    for place, force, problem in (
+        (file, [], "exists: name another file, or replace it with --force"),
+        (folder, ["--force"], "is a folder: name a file"),
+        (tmp_path / "nodir" / name, [], f"no folder {tmp_path / 'nodir'}: make it, or choose anoth"),
+    ):
+        done = run(*call, option, place, *force)
+        assert (done.exit_code, done.stdout) == (1, "")
+        assert done.stderr.startswith(f"error: {place}: {problem}")
+    assert file.read_text() == "mine"
+
+
+def test_a_file_is_replaced_by_force(tmp_path):
+    out = tmp_path / "x.svg"
+    out.write_text("old")
+    assert run("show", DESIGN, "--out", out, "--force").exit_code == 0
+    assert out.stat().st_size > 1000
+
+
+def test_two_results_of_a_command_are_two_files(tmp_path):
+    out = tmp_path / "x.png"
+    done = run("formats", DESIGN, "--out", out, "--picture", out)
+    assert done.exit_code == 2
+    assert "is --out already: name another file" in done.stderr
+
+
 def test_a_defect_is_told_as_one(monkeypatch):
     monkeypatch.delenv("KALMANHDL_DEBUG", raising=False)
     monkeypatch.setattr(building, "planned_design", lambda _: {}["gone"])

@@ -2,11 +2,12 @@
 
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
 from kalmanhdl.errors import OutputError
-from kalmanhdl.output import MARKER, check_folder, new_file, new_folder
+from kalmanhdl.output import MARKER, check_file, check_folder, new_file, new_folder
 
 
 def tree(folder):
@@ -139,7 +140,7 @@ def test_a_name_that_cannot_be_is_one_message(tmp_path, monkeypatch, out):
 
 def test_a_file_is_whole_or_as_before(tmp_path):
     def draw(path, *errors):
-        with new_file(path) as aside:
+        with new_file(path, force=True) as aside:
             aside.write_text("new")
             for error in errors:
                 raise error
@@ -161,3 +162,66 @@ def test_a_folder_without_permission_is_told_before_the_work(tmp_path):
             check_folder(tmp_path / "out")
     finally:
         tmp_path.chmod(0o700)
+
+
+def written(path, **options):
+    with new_file(path, **options) as aside:
+        aside.write_text("new")
+
+
+@pytest.mark.parametrize("use", [check_file, written])
+def test_a_file_is_not_overwritten_but_by_force(tmp_path, use):
+    path = tmp_path / "rows.csv"
+    path.write_text("old")
+    with pytest.raises(OutputError, match=r"exists: name another file, or replace it with --force"):
+        use(path)
+    assert tree(tmp_path) == {"rows.csv": "old"}
+    use(path, force=True)
+
+
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("folder", "folder: is a folder: name a file"),
+        ("link.csv", r"link\.csv: is a link: name the file itself"),
+        ("dangling.csv", r"dangling\.csv: is a link: name the file itself"),
+        ("queue", "queue: is no plain file: name another one"),
+        ("nodir/x.csv", r"x\.csv: no folder .*nodir: make it, or choose another place"),
+        ("rows.csv/x.csv", r"x\.csv: .*rows\.csv is no folder: choose another place"),
+        ("a\0b/x.csv", r"cannot be written: .*null"),
+        ("x" * 300, "cannot be written: File name too long"),
+    ],
+)
+@pytest.mark.parametrize("use", [check_file, written])
+def test_where_no_file_can_be_is_one_message(tmp_path, name, problem, force, use):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "rows.csv").write_text("mine")
+    (tmp_path / "link.csv").symlink_to("rows.csv")
+    (tmp_path / "dangling.csv").symlink_to("gone.csv")
+    os.mkfifo(tmp_path / "queue")
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(OutputError, match=problem):
+        use(tmp_path / name, force=force)
+    assert sorted(os.listdir(tmp_path)) == before
+    assert (tmp_path / "rows.csv").read_text() == "mine"
+
+
+def test_a_file_that_appears_meanwhile_is_spared(tmp_path):
+    path = tmp_path / "rows.csv"
+
+    def meet():
+        with new_file(path) as aside:
+            aside.write_text("new")
+            path.write_text("theirs")
+
+    with pytest.raises(OutputError, match="exists"):
+        meet()
+    assert tree(tmp_path) == {"rows.csv": "theirs"}
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder in which nothing can be made")
+def test_a_folder_that_takes_nothing_is_told_before_the_work():
+    for check, path in ((check_file, "/proc/x.csv"), (check_folder, "/proc/x")):
+        with pytest.raises(OutputError, match=r"/proc/x.*: cannot be written: .*/proc"):
+            check(Path(path))

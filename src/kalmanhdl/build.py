@@ -241,7 +241,7 @@ def add_to_report(folder: Path, found: tuple[Verification, ...]) -> None:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DesignError(f"{path}: the report of the build cannot be read: build it again") from error
     report["verification"] = [*kept, *(asdict(one) for one in found)]
-    with new_file(path) as file:
+    with new_file(path, force=True) as file:
         file.write_text(json_text(report), encoding="utf-8")
 
 

@@ -9,7 +9,7 @@ import typer
 
 from kalmanhdl import __version__
 from kalmanhdl.console import Progress, reported
-from kalmanhdl.errors import DesignError, OutputError
+from kalmanhdl.errors import DesignError
 from kalmanhdl.loading_commands import image
 from kalmanhdl.processor_commands import (
     asm,
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _MOST = 1_000_000_000
 _PICTURES = (".png", ".svg")
+_TABLES = (".csv", ".json")
 # A step of a program is many clocks, each of which the instruction-set simulator lives through.
 _STEPS_OF_A_PROGRAM = 1000
 # Doubles compute wider words no better.
@@ -48,6 +49,7 @@ _Design = Annotated[Path, typer.Argument(metavar="DESIGN", help="A design file (
 _Place = Annotated[Path, typer.Argument(metavar="PATH", help="A design file, or a folder that build made.")]
 _Data = Annotated[Path | None, typer.Option(metavar="FILE", help="Measurements, CSV or Parquet.")]
 _Force = Annotated[bool, typer.Option("--force", help="Replace a folder that kalmanhdl made.")]
+_ForceFile = Annotated[bool, typer.Option("--force", help="Replace the files.")]
 _Steps = Annotated[
     int | None,
     typer.Option(
@@ -246,6 +248,7 @@ def show(
         Path | None, typer.Option(metavar="FILE", help="Draw the schedule into a file, PNG or SVG.")
     ] = None,
     constant: _Constants = None,
+    force: _ForceFile = False,
 ) -> None:
     """Print a design's operations, formats, bounds and schedule, and draw the schedule."""
     from kalmanhdl.build import planned_design
@@ -253,15 +256,16 @@ def show(
     from kalmanhdl.schedule.text import print_plan
     from kalmanhdl.tables import design_tables
 
-    if out is not None and out.suffix.lower() not in _PICTURES:
-        raise typer.BadParameter(f"{out}: write a .png or .svg", param_hint="--out")
+    _check_new(out, "--out", _PICTURES, force=force)
     chosen = _load(design, constant)
     if chosen.processor is not None:
+        if out is not None:
+            raise typer.BadParameter("a program of the processor has no schedule", param_hint="--out")
         show_processor(chosen)
         return
     typed, plan = planned_design(chosen)
     if out is not None:
-        _draw(chosen, plan, out)
+        _draw(chosen, plan, out, force=force)
     if graph:
         typer.echo(print_graph(typed.graph), nl=False)
     if schedule:
@@ -305,7 +309,7 @@ def formats(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="The design file to write.")] = None,
     picture: _Picture = None,
     constant: _Constants = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+    force: _ForceFile = False,
 ) -> None:
     """Choose a number format for every signal: the fewest bits, or the least area, within a tolerance."""
     from kalmanhdl.design_file.writer import dumps
@@ -316,8 +320,10 @@ def formats(
 
     if objective not in [each.value for each in Objective]:
         raise typer.BadParameter(f"{objective!r}: bits or area", param_hint="--objective")
-    _check_picture(picture)
-    _check_new(out, force=force)
+    _check_new(picture, "--picture", _PICTURES, force=force)
+    _check_new(out, "--out", force=force)
+    if out is not None and picture is not None and out.absolute() == picture.absolute():
+        raise typer.BadParameter(f"{picture}: is --out already: name another file", param_hint="--picture")
     chosen = _load(design, constant)
     plots = _read(data, chosen)
     if tolerance is None and not consistency:
@@ -336,13 +342,13 @@ def formats(
         )
     typer.echo(formats_table(found, tolerance))
     if out is not None:
-        with new_file(out) as file:
+        with new_file(out, force=force) as file:
             file.write_text(dumps(replace(chosen, numerics=found.specification)), encoding="utf-8")
         typer.echo(f"design: {out}")
     if picture is not None:
         from kalmanhdl.report.explored import save_front
 
-        with new_file(picture) as file:
+        with new_file(picture, force=force) as file:
             save_front(found, chosen.name, file)
         typer.echo(f"picture: {picture}")
 
@@ -369,6 +375,7 @@ def sweep(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="The rows, CSV or JSON.")] = None,
     picture: _Picture = None,
     constant: _Constants = None,
+    force: _ForceFile = False,
 ) -> None:
     """Accuracy against word length, for one algorithm or several, and where each breaks."""
     from kalmanhdl.explore.sweep import Split
@@ -378,9 +385,8 @@ def sweep(
 
     if split not in [each.value for each in Split]:
         raise typer.BadParameter(f"{split!r}: range or half", param_hint="--split")
-    if out is not None and out.suffix.lower() not in (".csv", ".json"):
-        raise typer.BadParameter(f"{out}: write a .csv or .json", param_hint="--out")
-    _check_picture(picture)
+    _check_new(out, "--out", _TABLES, force=force)
+    _check_new(picture, "--picture", _PICTURES, force=force)
     lengths = _widths(widths)
     chosen = _load(design, constant)
     kinds = [kind.strip() for kind in algorithms.split(",") if kind.strip()]
@@ -399,13 +405,13 @@ def sweep(
         )
     typer.echo(sweep_table(rows))
     if out is not None:
-        with new_file(out) as file:
+        with new_file(out, force=force) as file:
             file.write_text(sweep_text(rows, json=out.suffix.lower() == ".json"), encoding="utf-8")
         typer.echo(f"rows: {out}")
     if picture is not None:
         from kalmanhdl.report.explored import save_sweep
 
-        with new_file(picture) as file:
+        with new_file(picture, force=force) as file:
             save_sweep(rows, chosen.name, file)
         typer.echo(f"picture: {picture}")
 
@@ -432,14 +438,15 @@ def consistency(
     typer.echo(consistency_table(chosen.model, found))
 
 
-def _check_picture(picture: Path | None) -> None:
-    if picture is not None and picture.suffix.lower() not in _PICTURES:
-        raise typer.BadParameter(f"{picture}: write a .png or .svg", param_hint="--picture")
+def _check_new(path: Path | None, option: str, suffixes: tuple[str, ...] = (), *, force: bool) -> None:
+    """Say before the work what is wrong with a file to be written."""
+    from kalmanhdl.output import check_file
 
-
-def _check_new(out: Path | None, *, force: bool) -> None:
-    if out is not None and out.exists() and not force:
-        raise OutputError(f"{out}: exists: name another file, or replace it with --force")
+    if path is None:
+        return
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise typer.BadParameter(f"{path}: write a {' or '.join(suffixes)}", param_hint=option)
+    check_file(path, force=force)
 
 
 def _widths(text: str) -> range:
@@ -512,14 +519,14 @@ def _blaming(path: Path, design: "Design") -> AbstractContextManager[None]:
     return blamed_on(verilog_path(path, design)) if path.is_dir() else nullcontext()
 
 
-def _draw(design: "Design", plan: "Plan", out: Path) -> None:
+def _draw(design: "Design", plan: "Plan", out: Path, *, force: bool) -> None:
     from kalmanhdl.output import new_file
     from kalmanhdl.report.pictures import save_schedule
     from kalmanhdl.schedule.summary import summarise
     from kalmanhdl.target import device
 
     summary = summarise(plan, device(design.target.device, design.target.grade))
-    with new_file(out) as file:
+    with new_file(out, force=force) as file:
         save_schedule(summary, design.name, file)
 
 

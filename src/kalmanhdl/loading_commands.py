@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kalmanhdl.console import Progress, reported
-from kalmanhdl.errors import OutputError
 
 if TYPE_CHECKING:
     from kalmanhdl.numerics.image import Word
@@ -32,12 +31,12 @@ def image(
     """Turn a model into the coefficients of a design's hardware, or say why it does not fit."""
     from kalmanhdl.design import Design
     from kalmanhdl.loading import image_of, verify_image
-    from kalmanhdl.output import new_file
+    from kalmanhdl.output import check_file, new_file
     from kalmanhdl.pipeline import compile_design, numbers_of
     from kalmanhdl.tables import verification_table
 
-    if out is not None and out.exists() and not force:
-        raise OutputError(f"{out} exists: choose another name, or --force")
+    if out is not None:
+        check_file(out, force=force)
     built = Design.load(design)
     given = built if model is None else Design.load(model)
     found = []
@@ -51,7 +50,7 @@ def image(
     if out is None:
         typer.echo(_csv(words), nl=False)
     else:
-        with new_file(out) as file:
+        with new_file(out, force=force) as file:
             file.write_text(_csv(words), encoding="utf-8")
     if found:
         typer.echo(verification_table(found))

@@ -3,6 +3,8 @@
 import os
 import secrets
 import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,11 +26,31 @@ def check_folder(out: str | Path, *, force: bool = False) -> None:
     """
     place = _place(out)
     _refuse(place, out, force)
-    parent = next(p for p in place.parents if p.exists())
-    if not parent.is_dir():
-        raise OutputError(f"{_named(out)}: {parent} is no folder: choose another place")
-    if not os.access(parent, os.W_OK | os.X_OK):
-        raise OutputError(f"{_named(out)}: cannot be written: no permission to write in {parent}")
+    _check_parent(next(p for p in place.parents if p.exists()), out)
+
+
+def check_file(path: Path, *, force: bool = False) -> None:
+    """Say at once what ``new_file`` would say after the work.
+
+    Raises:
+        OutputError: there is something at ``path`` that may not be replaced, or nothing can be written there.
+    """
+    try:
+        parent = path.parent.resolve()
+        mode = _mode(path)
+        there = parent.exists()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise OutputError(f"{_named(path)}: cannot be written: {_reason(error)}") from None
+    if mode is not None and stat.S_ISDIR(mode):
+        raise OutputError(f"{_named(path)}: is a folder: name a file")
+    if mode is not None and not stat.S_ISREG(mode):
+        what = "a link: name the file itself" if stat.S_ISLNK(mode) else "no plain file: name another one"
+        raise OutputError(f"{_named(path)}: is {what}")
+    if mode is not None and not force:
+        raise OutputError(f"{_named(path)}: exists: name another file, or replace it with --force")
+    if not there:
+        raise OutputError(f"{_named(path)}: no folder {path.parent}: make it, or choose another place")
+    _check_parent(parent, path)
 
 
 @contextmanager
@@ -61,23 +83,46 @@ def new_folder(out: str | Path, *, force: bool = False) -> Iterator[Path]:
 
 
 @contextmanager
-def new_file(path: Path) -> Iterator[Path]:
+def new_file(path: Path, *, force: bool = False) -> Iterator[Path]:
     """A file to write, which takes its place when the block ends, and is gone if it fails.
 
+    With ``force`` a file is replaced.
+
     Raises:
-        OutputError: it cannot be written.
+        OutputError: there is something at ``path`` that may not be replaced, or it cannot be written.
     """
+    check_file(path, force=force)
     aside = path.with_name(f".{secrets.token_hex(4)}.unfinished{path.suffix}")
     try:
-        if path.is_dir():
-            raise OutputError(f"{_named(path)}: is a folder: name a file")
         yield aside
+        check_file(path, force=force)
         aside.replace(path)
     except (OSError, ValueError) as error:
         raise OutputError(f"{_named(path)}: cannot be written: {_reason(error)}") from error
     finally:
         with suppress(OSError, ValueError):
             aside.unlink(missing_ok=True)
+
+
+def _mode(path: Path) -> int | None:
+    """What there is at a path, a link as such; None where there is nothing."""
+    try:
+        return os.lstat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _check_parent(parent: Path, out: str | Path) -> None:
+    """Whether something can be made in a folder: tried, as permissions are not all that it may lack."""
+    if not parent.is_dir():
+        raise OutputError(f"{_named(out)}: {parent} is no folder: choose another place")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{_named(out)}: cannot be written: no permission to write in {parent}")
+    try:
+        tempfile.TemporaryFile(dir=parent).close()
+    except OSError as error:
+        problem = f"nothing can be made in {parent} ({_reason(error)}): choose another place"
+        raise OutputError(f"{_named(out)}: cannot be written: {problem}") from None
 
 
 def _place(out: str | Path) -> Path:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kalmanhdl.console import reported
-from kalmanhdl.errors import DataError, OutputError, ProgramError
+from kalmanhdl.errors import DataError, ProgramError
 
 if TYPE_CHECKING:
     from kalmanhdl.design import Design
@@ -47,6 +47,7 @@ def asm(
     from kalmanhdl.processor.program import image
     from kalmanhdl.processor.program import listing as listed
 
+    _check_new(out, force=force)
     found = read_program(program, _core())
     _put(listed(found) if listing else image(found), out, force=force)
 
@@ -57,6 +58,7 @@ def disasm(program: _Program, out: _Out = None, force: _Force = False) -> None:
     from kalmanhdl.processor.disassembler import disassemble
     from kalmanhdl.processor.program import read_image
 
+    _check_new(out, force=force)
     words = read_image(program.read_text(encoding="utf-8", errors="replace"), str(program)).words
     _put(disassemble(words, _core()), out, force=force)
 
@@ -254,13 +256,18 @@ def _address(text: str, program: "Program") -> int:
     )
 
 
+def _check_new(out: Path | None, *, force: bool) -> None:
+    from kalmanhdl.output import check_file
+
+    if out is not None:
+        check_file(out, force=force)
+
+
 def _put(text: str, out: Path | None, *, force: bool) -> None:
     from kalmanhdl.output import new_file
 
     if out is None:
         typer.echo(text, nl=False)
         return
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists: name another file, or replace it with --force")
-    with new_file(out) as file:
+    with new_file(out, force=force) as file:
         file.write_text(text, encoding="utf-8")
