@@ -280,6 +280,38 @@ def test_formats_are_spelt(line, spec):
         ('name = "level"', 'name = "wire"', "line 2: name: 'wire' is a word of Verilog"),
         ('name = "level"', "", "name is missing"),
         ('name = "level"', "name = ", "not TOML: Invalid value (at line 2"),
+        ('name = "level"', "name = 5", "line 2: name = 5: write a string"),
+        ('kind = "linear"', 'kind = "nonlinaer"', "kind = 'nonlinaer' is unknown: did you mean 'nonlinear'?"),
+        ('kind = "linear"', 'kind = "multple"', "kind = 'multple' is unknown: did you mean 'multiple'?"),
+        ('kind = "linear"', "", "coordinated_turn, nonlinear, multiple"),
+        (
+            '"given"',
+            '"measured"',
+            "kind = 'measured' is unknown: valid are given, two_point, three_point, aff",
+        ),
+        ("gain = 10", "headroom = 5", "headroom = 5: write a table, with its keys below [numerics.headroom]"),
+        (
+            "gain = 10",
+            'headroom = { gain = "x" }',
+            "line 20: [numerics.headroom] gain: the name 'x' is unknown: did you mean 'exp'?",
+        ),
+        (
+            "F = [[1]]",
+            "F = [\n  [1]\n]\nF = [\n  [2]\n]",
+            "line 11: not TOML: model.F stands in line 8 already",
+        ),
+        (
+            "q = 0.5",
+            "q = 0.5, q = 1",
+            "line 12: not TOML: model.constants.q stands twice: remove one of the two",
+        ),
+        ("gain = 10", "gain = 10\ngain = 9", "line 21: not TOML: numerics.gain stands in line 20 already"),
+        ("gain = 10", "[model]", "line 20: not TOML: model stands in line 4 already: remove one of the two"),
+        (
+            'F = [[1]]\nH = [[1]]\nQ = [["q^2"]]\nR = [[4]]',
+            'F = [\n  # a row = a state ]\n  [1]\n]\nH = [[1]]\nQ = [["q^2"]]\nR = [[-4]]',
+            "line 14: [model] R[0,0] = -4",
+        ),
     ],
 )
 def test_an_error_names_file_line_table_key_value_and_remedy(old, new, message):
@@ -288,6 +320,40 @@ def test_an_error_names_file_line_table_key_value_and_remedy(old, new, message):
         loads(LEVEL.replace(old, new), "level.toml")
     assert str(caught.value).startswith("level.toml")
     assert message in str(caught.value)
+
+
+LINEAR = 'kind = "linear"\nF = [[1]]\nH = [[1]]\nQ = [[1]]\nR = [[1]]\n'
+MODES = 'kind = "multiple"\ntransition = [[1]]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('model = "x"', "line 2: model = 'x': write a table, with its keys below [model]"),
+        (
+            f"numerics = 5\n[model]\n{LINEAR}",
+            "line 2: numerics = 5: write a table, with its keys below [nume",
+        ),
+        (f"[model]\n{LINEAR}initial = 1", "initial = 1: write a table, with its keys below [model.initial]"),
+        (f"[model]\n{MODES}modes = [5]", "modes = 5: write a table, with its keys below [[model.modes]]"),
+        (f"[model]\n{MODES}modes = 5", "line 5: [model] modes = 5: write a list like [...]"),
+        (f'algorithm = {{ kind = "extended", joseph = 1 }}\n{LEVEL[16:]}', "joseph = 1: true or false"),
+    ],
+)
+def test_a_value_of_another_kind_is_told_what_to_write(text, message):
+    with pytest.raises(DesignError) as caught:
+        loads(f'name = "level"\n{text}')
+    assert message in str(caught.value)
+
+
+def test_a_start_from_measurements_is_offered_to_nonlinear_models():
+    text = (DESIGNS / "ekf_radar.toml").read_text()
+    unknown = " = 'measurd' is unknown: did you mean 'measured'?"
+    missing = " is missing: valid are given, two_point, three_point, affine, measured"
+    for kind, hint in (("", missing), ('kind = "measurd"', unknown)):
+        with pytest.raises(DesignError) as caught:
+            loads(text.replace('kind = "measured"', kind))
+        assert f"[model.initial] kind{hint}" in str(caught.value)
 
 
 def test_an_error_in_the_model_is_a_model_error():

@@ -47,14 +47,14 @@ class InvalidModelValueError(InvalidValueError, ModelError):
 
 
 def shown(value: object) -> str:
-    """A value in a message: short, whatever it is."""
+    """A value in a message: short and on one line, whatever it is."""
     if isinstance(value, float):
         return f"{value:.6g}"
     brief = reprlib.Repr()
     brief.maxstring = brief.maxother = brief.maxlong = 60
     brief.maxlist = brief.maxdict = brief.maxtuple = 4
     brief.maxlevel = 2
-    return brief.repr(value)
+    return " ".join(brief.repr(value).split())
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 import scipy.signal
-from filterpy.kalman import KalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
 
 from kalmanhdl.errors import ModelError
 from kalmanhdl.model.convert import from_filterpy, from_state_space
@@ -54,6 +54,12 @@ def test_a_filterpy_filter_with_fading_memory_is_refused():
 def test_what_is_no_filter_is_refused(thing):
     with pytest.raises(ModelError, match=r"has no .*: pass a filterpy\.kalman\.KalmanFilter, or give"):
         from_filterpy(thing)
+
+
+def test_a_filter_of_another_kind_is_named_in_one_line():
+    kf = ExtendedKalmanFilter(dim_x=2, dim_z=1)
+    with pytest.raises(ModelError, match=r"\AExtendedKalmanFilter has no H: pass a filterpy[^\n]*\Z"):
+        from_filterpy(kf)
 
 
 @pytest.mark.parametrize("thing", [object(), None, 3, "system", np.eye(2), {"A": 1}])

@@ -4,6 +4,9 @@ import re
 
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]=]+?)\s*\]{1,2}\s*(#.*)?\Z")
 
+# Strings and comments, in which brackets mean nothing.
+_ASIDE = re.compile(r"""\"(?:\\.|[^"\\])*+\"|'[^']*+'|#.*""")
+
 
 def line_of(text: str, table: str, key: str) -> int | None:
     """The number of the line that sets a key of a table, else of the nearest thing around it that exists.
@@ -21,11 +24,32 @@ def line_of(text: str, table: str, key: str) -> int | None:
     return None
 
 
+def twice(text: str, last: int) -> tuple[str, int, int] | None:
+    """The name of what is set anew by the entry that ends in line ``last``, and the lines of both.
+
+    None where the lines do not tell.
+    """
+    lines = [(number, path) for number, path in _flat(text) if number <= last]
+    for k in range(len(lines) - 1, -1, -1):
+        second, path = lines[k]
+        if second != lines[-1][0]:
+            break
+        earlier = [number for number, other in lines[:k] if other == path]
+        if earlier:
+            return ".".join(path), earlier[0], second
+    return None
+
+
 def _flat(text: str) -> list[tuple[int, list[str]]]:
     """Every line that opens a table or sets a key, with the full path of what it names."""
     found: list[tuple[int, list[str]]] = []
     current: list[str] = []
+    depth = 0
     for number, line in enumerate(text.splitlines(), 1):
+        if depth > 0:
+            # The value of a line above goes on: a row of a matrix is no header.
+            depth += _opened(line)
+            continue
         header = _HEADER.match(line)
         if header:
             current = _parts(header[1])
@@ -34,6 +58,7 @@ def _flat(text: str) -> list[tuple[int, list[str]]]:
         name, equals, value = line.partition("=")
         if not equals or len(name) > 200:
             continue
+        depth = _opened(value)
         full = [*current, *_parts(name)]
         found.append((number, full))
         # The keys of an inline table stand on its line.
@@ -41,6 +66,12 @@ def _flat(text: str) -> list[tuple[int, list[str]]]:
             inner = re.findall(r"[{,]\s*([A-Za-z0-9_\-]+)\s*=", value[:10_000])
             found.extend((number, [*full, part]) for part in inner)
     return found
+
+
+def _opened(text: str) -> int:
+    """How many more brackets a piece of a value opens than it closes."""
+    bare = _ASIDE.sub("", text)
+    return sum(map(bare.count, "[{")) - sum(map(bare.count, "]}"))
 
 
 def _parts(dotted: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,11 +13,14 @@ from pydantic_core import ErrorDetails
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.design import Architecture, Design, Processor, Target
-from kalmanhdl.design_file.lines import line_of
+from kalmanhdl.design_file.lines import line_of, twice
 from kalmanhdl.design_file.schema import (
     ALGORITHM_TABLES,
+    ARCHITECTURES,
     INITIALS,
+    MODEL_KINDS,
     MODELS,
+    NONLINEAR_INITIALS,
     NUMERICS,
     AffineTable,
     ArchitectureTable,
@@ -60,6 +63,10 @@ MAX_KEYS = 20_000
 MAX_DOTS = 6
 # The parser's time grows with the square of a dotted key's length.
 _DOTTED = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*\.[ \t]*){{{MAX_DOTS + 1}}}""")
+
+_AT_LINE = re.compile(r"\(at line (\d+), column \d+\)\Z")
+# How the parser begins to say so.
+_TWICE = ("Cannot overwrite a value", "Cannot declare", "Duplicate inline table key", "Cannot mutate")
 
 _T = TypeVar("_T", bound=Table)
 _MOTIONS: dict[str, Callable[..., Motion]] = {
@@ -119,9 +126,22 @@ def _parsed(text: str, source: str) -> dict[str, Any]:
         raise DesignError(f"{source}, line {line}: not TOML: a key of more than {MAX_DOTS} dots")
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise DesignError(f"{source}: not TOML: {reason}") from None
+    except RecursionError:
+        raise DesignError(f"{source}: not TOML: nested too deeply") from None
+    except ValueError as error:
+        raise DesignError(_not_toml(text, source, str(error))) from None
+
+
+def _not_toml(text: str, source: str, reason: str) -> str:
+    """What the parser says, and of a key that is set twice, which it does not name, the key and its lines."""
+    place = _AT_LINE.search(reason)
+    last = int(place[1]) if place else text.count("\n") + 1
+    found = twice(text, last) if reason.startswith(_TWICE) else None
+    if found is None:
+        return f"{source}: not TOML: {reason}"
+    name, first, second = found
+    where = "stands twice" if first == second else f"stands in line {first} already"
+    return f"{source}, line {second}: not TOML: {name} {where}: remove one of the two"
 
 
 def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Design:
@@ -142,13 +162,10 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
 
 def _architecture(table: dict[str, Any], context: Context) -> tuple[Architecture, Processor | None]:
     """Hardware of the filter's own, or the processor."""
-    kind = table.get("kind", "datapath")
+    kind = _check_kind(ARCHITECTURES, {"kind": "datapath", **table}, "architecture")
     if kind == "processor":
         checked = _checked(ProcessorTable, table, "architecture", context)
         return Architecture(), Processor(**checked.model_dump(exclude={"kind"}))
-    if kind != "datapath":
-        hint = nearest(str(kind), ("datapath", "processor"))
-        raise InvalidValueError("architecture", "kind", f" = {shown(kind)} is unknown: {hint}")
     asked = _checked(ArchitectureTable, table, "architecture", context)
     return Architecture(
         interval=None if asked.interval == "bound" else asked.interval,
@@ -204,6 +221,7 @@ def _constant_fault(name: str, problem: str, instead: Mapping[str, float | str])
 
 
 def _model(table: dict[str, Any], context: Context) -> Model:
+    _check_kind(MODEL_KINDS, table, "model")
     match table.get("kind"):
         case MultipleModel.kind:
             return _multiple(table, context)
@@ -220,7 +238,7 @@ def _nonlinear(table: dict[str, Any], context: Context) -> NonlinearModel:
         checked.h,
         checked.Q,
         checked.R,
-        initial=_nonlinear_initial(checked.initial, context),
+        initial=_initial(checked.initial, context, NONLINEAR_INITIALS),
         G=checked.G,
         state_names=checked.state,
         state_units=checked.unit,
@@ -231,13 +249,6 @@ def _nonlinear(table: dict[str, Any], context: Context) -> NonlinearModel:
         angles=checked.angles,
         constants=context.constants,
     )
-
-
-def _nonlinear_initial(table: dict[str, Any], context: Context) -> Initial | InitialRule | Measured:
-    if table.get("kind") != "measured":
-        return _initial(table, context)
-    checked = _checked(MeasuredTable, table, "model.initial", context)
-    return Measured(checked.x, checked.P)
 
 
 def _multiple(table: dict[str, Any], context: Context) -> MultipleModel:
@@ -259,6 +270,7 @@ def _single(table: dict[str, Any], context: Context) -> Model:
         return _varying(table, context)
     checked = _of_kind(MODELS, table, "model", context)
     initial = _initial(checked.initial, context)
+    assert not isinstance(initial, Measured)
     if isinstance(checked, LinearTable):
         return _linear(checked, initial)
     assert isinstance(checked, MotionTable)
@@ -283,13 +295,15 @@ def _varying(table: dict[str, Any], context: Context) -> VaryingModel:
         problem = f': kind = {kind} has none: write its matrices by formulas, with kind = "linear"'
         raise InvalidValueError("model", "inputs", problem)
     checked = _checked(VaryingTable, table, "model", context)
+    initial = _initial(checked.initial, context)
+    assert not isinstance(initial, Measured)
     return varying_model(
         checked.F,
         checked.H,
         checked.Q,
         checked.R,
         inputs=checked.inputs,
-        initial=_initial(checked.initial, context),
+        initial=initial,
         B=checked.B,
         offset=checked.offset,
         measurement_offset=checked.measurement_offset,
@@ -332,8 +346,12 @@ def _measured(table: CommonModelTable, *, H: ArrayLike, **keys: Any) -> Model:
     return converted_model(H=H, **keys)
 
 
-def _initial(table: dict[str, Any], context: Context) -> Initial | InitialRule:
-    checked = _of_kind(INITIALS, table, "model.initial", context)
+def _initial(
+    table: dict[str, Any], context: Context, kinds: Mapping[str, type[Table]] = INITIALS
+) -> Initial | InitialRule | Measured:
+    checked = _of_kind(kinds, table, "model.initial", context)
+    if isinstance(checked, MeasuredTable):
+        return Measured(checked.x, checked.P)
     if isinstance(checked, GivenTable):
         return given(checked.x, checked.P, at=checked.at)
     if isinstance(checked, ThreePointTable):
@@ -405,12 +423,16 @@ def _float(table: FloatTable) -> FloatSpecification:
 
 def _of_kind(kinds: Mapping[str, type[_T]], table: dict[str, Any], where: str, context: Context) -> _T:
     """The table, checked by the class that its ``kind`` names."""
+    return _checked(kinds[_check_kind(kinds, table, where)], table, where, context)
+
+
+def _check_kind(kinds: Collection[str], table: dict[str, Any], where: str) -> str:
     kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in kinds:
-        if kind is None:
-            raise InvalidValueError(where, "kind", f" is missing: valid are {', '.join(kinds)}")
-        raise InvalidValueError(where, "kind", f" = {shown(kind)} is unknown: {nearest(str(kind), kinds)}")
-    return _checked(kinds[kind], table, where, context)
+    if isinstance(kind, str) and kind in kinds:
+        return kind
+    if kind is None:
+        raise InvalidValueError(where, "kind", f" is missing: valid are {', '.join(kinds)}")
+    raise InvalidValueError(where, "kind", f" = {shown(kind)} is unknown: {nearest(str(kind), kinds)}")
 
 
 def _checked(table_class: type[_T], table: dict[str, Any], where: str, context: Context) -> _T:
@@ -427,13 +449,27 @@ def _checked(table_class: type[_T], table: dict[str, Any], where: str, context: 
 
 
 def _fault(detail: ErrorDetails, where: str) -> InvalidValueError:
-    key = str(detail["loc"][0])
+    key, *inner = detail["loc"]
+    if inner and isinstance(inner[0], str):
+        where, key = ".".join(filter(None, (where, str(key)))), inner[0]
+    key = str(key)
     match detail["type"]:
         case "missing":
             return InvalidValueError(where, key, " is missing")
         case "value_error":
             message = str(detail["ctx"]["error"])
             return InvalidValueError(where, key, message if message.startswith("[") else f": {message}")
+        case "dict_type":
+            name = f"{where}.{key}" if where else key
+            header = f"[[{name}]]" if inner else f"[{name}]"
+            problem = f" = {shown(detail['input'])}: write a table, with its keys below {header}"
+            return InvalidValueError(where, key, problem)
+        case "string_type":
+            return InvalidValueError(where, key, f" = {shown(detail['input'])}: write a string")
+        case "list_type" | "tuple_type":
+            return InvalidValueError(where, key, f" = {shown(detail['input'])}: write a list like [...]")
+        case "bool_type":
+            return InvalidValueError(where, key, f" = {shown(detail['input'])}: true or false")
         case _:
             rule = detail["msg"].removeprefix("Input should be ")
             return InvalidValueError(where, key, f" = {shown(detail['input'])}: write {rule}")

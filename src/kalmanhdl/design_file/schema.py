@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from kalmanhdl.algorithm import ALGORITHMS, Converted, Extended, Scheduled, Taylor
 from kalmanhdl.algorithm.converted import At as ConvertedAt
@@ -34,6 +34,8 @@ from kalmanhdl.design_file.values import (
 from kalmanhdl.model.conversion import Unbiasing
 from kalmanhdl.model.initial import At
 from kalmanhdl.model.motion import Discretisation, Order
+from kalmanhdl.model.multiple import MultipleModel
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.numerics.specification import DEFAULT_WIDTH, Form
 
 
@@ -198,7 +200,7 @@ class AffineTable(Table):
     from_control: Matrix | None = None
     from_noise: Matrix | None = None
     points: Integer = 1
-    before_update: bool = False
+    before_update: StrictBool = False
 
 
 class AlgorithmTable(Table):
@@ -230,7 +232,7 @@ class TaylorTable(AlgorithmTable):
 class ExtendedTable(AlgorithmTable):
     """``kind = "extended"``."""
 
-    joseph: bool = False
+    joseph: StrictBool = False
 
 
 class FixedTable(Table):
@@ -273,8 +275,8 @@ class FloatTable(Table):
     exponent: Integer | None = None
     mantissa: Integer | None = None
     rounding: Rounding = Rounding.HALF_EVEN
-    subnormals: bool = True
-    fused: bool = False
+    subnormals: StrictBool = True
+    fused: StrictBool = False
 
 
 class ArchitectureTable(Table):
@@ -324,12 +326,16 @@ MODELS: dict[str, type[CommonModelTable]] = {
     "singer": SingerTable,
     "coordinated_turn": TurnTable,
 }
+MODEL_KINDS = (*MODELS, NonlinearModel.kind, MultipleModel.kind)
+"""Every kind of model; those not in MODELS have tables that no mode of another model can be."""
 INITIALS: dict[str, type[Table]] = {
     "given": GivenTable,
     "two_point": TwoPointTable,
     "three_point": ThreePointTable,
     "affine": AffineTable,
 }
+NONLINEAR_INITIALS: dict[str, type[Table]] = {**INITIALS, "measured": MeasuredTable}
+ARCHITECTURES = ("datapath", "processor")
 # Algorithms with options have a table of their own, whose keys are the algorithm's fields.
 ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = {
     **dict.fromkeys(ALGORITHMS, AlgorithmTable),

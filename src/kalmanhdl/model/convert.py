@@ -38,7 +38,7 @@ def from_filterpy(
     missing = [name for name in _FILTERPY if getattr(kf, name, None) is None]
     if missing:
         raise ModelError(
-            f"{shown(kf)} has no {', '.join(missing)}: pass a filterpy.kalman.KalmanFilter, or give its "
+            f"{_called(kf)} has no {', '.join(missing)}: pass a filterpy.kalman.KalmanFilter, or give its "
             "matrices to linear_model"
         )
     parts = {name: getattr(kf, name) for name in _FILTERPY}
@@ -84,7 +84,7 @@ def from_state_space(
     """
     if not hasattr(system, "dt"):
         raise ModelError(
-            f"{shown(system)} is no state-space system: pass one of scipy.signal (dlti) or control (ss), "
+            f"{_called(system)} is no state-space system: pass one of scipy.signal (dlti) or control (ss), "
             "or give its matrices to linear_model"
         )
     if _is_continuous(system):
@@ -114,8 +114,14 @@ def from_state_space(
 def _attribute(source: Any, name: str, kind: str) -> Any:
     value = getattr(source, name, None)
     if value is None:
-        raise ModelError(f"{type(source).__name__} has no {name}: pass a {kind}")
+        raise ModelError(f"{_called(source)} has no {name}: pass a {kind}")
     return value
+
+
+def _called(value: Any) -> str:
+    """What a message calls an object: plain data as they are, others by their class."""
+    plain = value is None or isinstance(value, str | int | float | list | tuple | dict)
+    return shown(value) if plain else type(value).__name__
 
 
 def _is_continuous(system: Any) -> bool:

@@ -70,14 +70,17 @@ def in_reals(
 ) -> Reals:
     """One step of an algorithm on a model, observed over tracks drawn from the model."""
     plots = simulated(model, specification.coast)
-    _check_finite(plots.z, "measurement_range", "the model's tracks leave the numbers of double precision")
+    if not np.isfinite(plots.z).all():
+        problem = ": the model's tracks leave the numbers of double precision"
+        raise InvalidModelValueError("model", "measurement_range", problem)
     scaling = units(model, algorithm(model), specification, plots)
     try:
         inner = model.in_units(scaling)
     except InvalidModelValueError as error:
-        raise InvalidValueError("numerics", "scale", f": in these units {error}") from None
+        raise _beyond_units(specification, error.key, error.problem) from None
     for name, array in _arrays(inner):
-        _check_finite(array, "scale", f"{name} in these units is no finite number")
+        if not np.isfinite(array).all():
+            raise _beyond_units(specification, name, " is no finite number")
     filter_ = algorithm.in_units(model, scaling.covariances())(inner)
     traced = _loadable(model, algorithm, scaling) if loadable else None
     graph = balanced(traced.graph if traced else trace(inner, filter_))
@@ -112,9 +115,15 @@ def _arrays(model: Model) -> Iterator[tuple[str, NDArray[np.float64]]]:
             yield field.name, value
 
 
-def _check_finite(array: NDArray[np.float64], key: str, problem: str) -> None:
-    if not np.isfinite(array).all():
-        raise InvalidValueError("numerics" if key == "scale" else "model", key, f": {problem}")
+def _beyond_units(specification: FixedSpecification, key: str, problem: str) -> InvalidValueError:
+    """A number of the model cannot be in the hardware's units: blamed on whoever chose these."""
+    found = key + problem.partition(": ")[0]
+    for scale in ("scale", "covariance_scale"):
+        if getattr(specification, scale) != "auto":
+            return InvalidValueError("numerics", scale, f": in these units {found}")
+    cause = "in units that suit the values of the states, as they are chosen here,"
+    remedy = "bring the model's numbers closer together, or give the units, [numerics] scale"
+    return InvalidModelValueError("model", key, f": {cause} {found}: {remedy}")
 
 
 def in_units(plots: Plots, scaling: Scaling) -> Plots:

@@ -216,25 +216,33 @@ def _csv(path: Path, name: str) -> _Table:
 
 def _parsed_csv(text: str, name: str) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    # The line in which the next row begins: with quotes, its cells may run on over several.
+    line = 1
     lines: list[int] = []
     # One flat list: a million small ones would keep the garbage collector busy for seconds.
     cells: list[str] = []
     try:
         header = _header(next(reader, []), name)
+        if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+            rule = "save it as CSV, with commas between cells and points in numbers"
+            raise DataError(f"{name}, line 1: the columns are not separated by commas: {rule}")
+        line = reader.line_num + 1
         for row in reader:
+            first, line = line, reader.line_num + 1
             if not row and len(header) == 1:
                 row = [""]
             if not row:
                 continue
             if len(row) != len(header):
                 problem = f"{len(row)} cells below a header of {len(header)}"
-                raise DataError(f"{name}, line {reader.line_num}: {problem}: give every row {len(header)}")
+                raise DataError(f"{name}, line {first}: {problem}: give every row {len(header)}")
             cells.extend(row)
-            lines.append(reader.line_num)
+            lines.append(first)
             if len(lines) > MAX_ROWS or len(cells) > MAX_CELLS:
                 raise DataError(f"{name}: more than {len(lines) - 1} rows: split the file by tracks")
     except csv.Error as error:
-        raise DataError(f"{name}, line {reader.line_num}: not CSV: {error}") from None
+        where = f'line {line}: its quotes (") do not end' if reader.line_num > line else f"line {line}"
+        raise DataError(f"{name}, {where}: not CSV: {error}") from None
     columns: dict[str, Sequence[object]] = {
         column: cells[k :: len(header)] for k, column in enumerate(header)
     }
@@ -271,7 +279,7 @@ def _parquet(path: Path, name: str) -> _Table:
 
 def _arranged(table: _Table, model: Model) -> Plots:
     truths = _truth_columns(table, model)
-    measured = [_required(table, name, "measurement") for name in model.measurement_names]
+    measured = [_required(table, name, "measurement", model) for name in model.measurement_names]
     ids, track, step = _places(table)
     controls = _controls(table, model, track, step)
     times = table.numbers("time") if "time" in table.columns else None
@@ -310,8 +318,8 @@ def _controls(table: _Table, model: Model, track: NDArray[np.int64], step: NDArr
     for k, name in enumerate(model.control_names):
         derived = k == timed and name not in table.columns
         what = f"time, from which {name} follows," if derived else "control" if k < first else "input"
-        column = _required(table, "time", what) if derived else _required(table, name, what)
         place = "time" if derived else name
+        column = _required(table, place, what, model)
         missing = np.flatnonzero(np.isnan(column))
         if len(missing):
             raise DataError(f"{table.place(int(missing[0]), place)}: empty: a control is known at every step")
@@ -348,23 +356,26 @@ def _check_order(table: _Table, ids: tuple[str, ...], track: NDArray[np.int64], 
         )
 
 
-def _required(table: _Table, column: str, kind: str) -> Array:
+def _required(table: _Table, column: str, kind: str, model: Model) -> Array:
+    taken = {*model.measurement_names, *model.control_names, "track", "time"}
+    taken |= {f"truth_{state}" for state in model.state_names}
     if column not in table.columns:
-        present = list(islice(table.columns, 32))
-        if len(present) == 1 and any(mark in present[0] for mark in ";\t"):
-            raise DataError(f"{table.name}, line 1: the columns are not separated by commas: save it as CSV")
-        raise DataError(f"{table.name}: no column for the {kind} {column}: {nearest(column, present)}")
+        # A column that has a meaning of its own is not meant.
+        hint = nearest(column, (each for each in table.columns if each not in taken))
+        if not hint.startswith("did you mean"):
+            hint = f"there are {', '.join(shown(each)[1:-1] for each in islice(table.columns, 16))}"
+        raise DataError(f"{table.name}: no column for the {kind} {column}: {hint}")
     return table.numbers(column)
 
 
 def _truth_columns(table: _Table, model: Model) -> list[Array]:
     """One column per state, NaN where the table has none; no columns at all if it has no truth."""
     wanted = [f"truth_{state}" for state in model.state_names]
+    missing = [column for column in wanted if column not in table.columns]
     for column in table.columns:
         if column.startswith("truth_") and column not in wanted:
-            raise DataError(
-                f"{table.name}: {shown(column)} is the truth of no state: {nearest(column, wanted)}"
-            )
+            hint = nearest(column, missing or wanted)
+            raise DataError(f"{table.name}: {shown(column)} is the truth of no state: {hint}")
     if not any(column in table.columns for column in wanted):
         return []
     unknown = np.full(table.rows, np.nan)
