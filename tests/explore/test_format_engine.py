@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
 from kalmanhdl.explore.format_engine import Drive, FormatEngine
 from kalmanhdl.explore.program import program_of
@@ -100,3 +101,13 @@ def test_a_format_of_a_signal_is_kept():
     np.testing.assert_array_equal(run.outputs, exact)
     plain, _, _, _ = run_both(reals, program, LEE.numerics, 3)
     assert not np.array_equal(run.outputs, plain.outputs)
+
+
+def test_a_track_counts_no_further_after_its_first_clamped_value():
+    reals, program = prepared(LEE)
+    short = replace(LEE.numerics, signals={"x[0]": Fixed(width=20, fraction=22)})
+    run, _, _, violations = run_both(reals, program, short, 7)
+    names = {program.slots[program.steps[k].slot].name for k in np.flatnonzero(run.beyond)}
+    assert 0 < run.clamped.sum() < violations
+    assert "x[0]" in names
+    assert (run.beyond <= run.clamped).all()

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import loads
 from kalmanhdl.design_file.writer import dumps
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, FormatError
 from kalmanhdl.explore.choice import place_forms, specification_of, variables_of
 from kalmanhdl.explore.evaluator import Point
 from kalmanhdl.explore.format_engine import FormatEngine
@@ -62,13 +63,22 @@ def test_chosen_formats_hold_on_other_tracks_and_load_again():
 
 @pytest.mark.slow
 def test_formats_keep_the_filter_consistent_where_that_is_asked():
-    found = search(LEE, tolerance=None, consistency=True)
+    division = TableNewton(index_bits=7, iterations=1)
+    found = search(
+        replace(LEE, numerics=replace(LEE.numerics, division=division)), tolerance=None, consistency=True
+    )
     reference, exact = found.bands
     assert exact.nees.consistent
     assert exact.nis.consistent
-    assert reference.nis.samples == exact.nis.samples > 50_000
+    assert reference.nis.samples == exact.nis.samples > 25_000
     assert found.point.bits < found.uniform_point.bits
     assert found.unseen is None
+
+
+@pytest.mark.slow
+def test_a_table_too_coarse_for_consistency_is_named_with_what_it_does():
+    with pytest.raises(FormatError, match=r"moves by 0\.\d\d of half its band.*more than 7 bits or a Newton"):
+        search(LEE, tolerance=None, consistency=True)
 
 
 def test_something_must_be_asked_for():

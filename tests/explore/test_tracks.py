@@ -7,6 +7,7 @@ import pytest
 
 from kalmanhdl.design import Design
 from kalmanhdl.explore.tracks import drawn_plots, judged
+from kalmanhdl.numerics import ranges
 
 LEE = Design.load("designs/lee1997.toml")
 FILTER = LEE.algorithm(LEE.model)
@@ -50,3 +51,17 @@ def test_plots_are_missed_from_the_start_on_as_often_as_may_be():
     runs = np.lib.stride_tricks.sliding_window_view(missed, coast + 1, axis=0)
     assert not runs.all(axis=-1).any()
     assert not np.isnan(drawn_plots(LEE.model, 0, 40, 32, 4).z).any()
+
+
+def test_every_second_track_grows_old_where_starts_from_plots_leave_the_ranges_at_once():
+    model = Design.load("designs/wu2012.toml").model
+    active = drawn_plots(model, 5, 60, 32, 1).active
+    lively = ranges.drawn(model, np.random.default_rng(1), 60, 32).relevant
+    np.testing.assert_array_equal(active[:, ::2], lively[:, ::2])
+    assert lively[-1].sum() == 0
+    assert active[-1, 1::2].mean() > 0.9
+
+
+def test_a_start_whose_rates_the_model_gives_is_drawn_as_it_is():
+    model = Design.load("designs/ekf_radar.toml").model
+    assert (ranges.paces(model, 60, np.ones(8, bool), 1) == 1.0).all()

@@ -11,7 +11,7 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.explore.program import Code, Program
 from kalmanhdl.numerics.specification import SIGNAL, FixedSpecification
 
-_NOT_CHOSEN = ("bit", "constant", "nis")
+_NOT_CHOSEN = ("bit", "constant")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +43,12 @@ def variables_of(
     """The variables of the formats on which estimates depend, in a fixed order.
 
     ``headroom`` gives bits above those that the ranges ask for, by name. With ``monitors``, what only
-    innovation and NIS depend on is chosen as well.
+    innovation and NIS depend on is chosen as well, and NIS itself, whose rounding moves its mean.
     """
+    untouched = _NOT_CHOSEN if monitors else (*_NOT_CHOSEN, "nis")
     named, classes = defaultdict[str, list[int]](list), defaultdict[str, list[int]](list)
     for index, slot in enumerate(program.slots):
-        if not (monitors or index in program.steering) or slot.signal_class in _NOT_CHOSEN:
+        if not (monitors or index in program.steering) or slot.signal_class in untouched:
             continue
         if SIGNAL.match(slot.name):
             named[slot.name].append(index)

@@ -9,13 +9,16 @@ helps most, and others are taken for it.
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.errors import FormatError
 from kalmanhdl.explore.evaluator import MOST_BITS, Evaluator, Widths
+from kalmanhdl.explore.tolerance import SHIFT
 
 Progress = Callable[[str], None]
 
-_LEAST = 3
+_LEAST, _MOST_HEADROOM = 3, 24
 # Bits beyond the uniform word length that leave a signal's own rounding to be seen.
 _PLENTY = 6
 _EXCHANGES = 12
@@ -24,22 +27,21 @@ _TRIES = 3
 # large filters end within two minutes.
 _BUDGET, _WORK = 4000, 4e10
 _CONSTANT_STEP = 6
-_FIRST_SHARE, _LEAST_SHARE = 0.25, 1 / 16
 # How far around the chosen widths the front is looked at.
 _AROUND = range(-6, 9)
 
 
 def fit_ranges(evaluator: Evaluator) -> None:
-    """Bits above the binary point until nothing is clamped at a width that has plenty."""
+    """Bits above the binary point until no value lacks them at a width that has plenty."""
     program = evaluator.program
-    for _ in range(24):
+    for _ in range(_MOST_HEADROOM):
         names = {slot: v.name for v in evaluator.variables for slot in v.slots}
         forms = evaluator.placed(evaluator.uniform(MOST_BITS))
-        run = evaluator.engine.run(forms, evaluator.constant_width, evaluator.wide)
-        clamped = run.clamped + sum(
-            case.engine.run(forms, evaluator.constant_width, case.drive).clamped for case in evaluator.cases
+        beyond = sum(
+            case.engine.run(forms, evaluator.constant_width, case.drive).beyond
+            for case in (evaluator.wide, *evaluator.cases)
         )
-        places = [program.steps[k].slot for k in np.flatnonzero(clamped).tolist()]
+        places = [program.steps[k].slot for k in np.flatnonzero(beyond).tolist()]
         short = {names[slot] for slot in places if slot in names}
         if not short:
             return
@@ -61,7 +63,23 @@ def fit_constants(evaluator: Evaluator, target: float) -> None:
             evaluator.use(evaluator.base, constant)
         if evaluator.point(evaluator.uniform(MOST_BITS)).share <= target:
             return
-    raise FormatError(f"no word length up to {MOST_BITS} bits meets the tolerance: allow more error")
+    raise FormatError(_hopeless(evaluator))
+
+
+def _hopeless(evaluator: Evaluator) -> str:
+    """Why no word length does, by what the widest words are worth, and what helps."""
+    point, division = evaluator.point(evaluator.uniform(MOST_BITS)), evaluator.base.division
+    found = []
+    if not np.isnan(point.error):
+        found.append(f"errors grow by {point.error:.2%}")
+    if not np.isnan(point.shift):
+        found.append(f"NEES or NIS moves by {point.shift:.2f} of half its band, of which {SHIFT} are allowed")
+    remedy = "allow more error"
+    if isinstance(division, TableNewton):
+        remedy = (
+            f"give [numerics] division a table of more than {division.index_bits} bits or a Newton step more"
+        )
+    return f"no word length up to {MOST_BITS} bits does, by which {' and '.join(found)}: {remedy}"
 
 
 def best_uniform(evaluator: Evaluator, target: float) -> int:
@@ -77,34 +95,47 @@ def best_uniform(evaluator: Evaluator, target: float) -> int:
     raise AssertionError(f"{MOST_BITS} bits met the target before")
 
 
-def balanced(evaluator: Evaluator, uniform: int, target: float) -> Widths:
-    """Widths at which all signals use about the same share of the target, and together not more than it."""
-    plenty = min(uniform + _PLENTY, MOST_BITS)
-    low, high = evaluator.uniform(0), evaluator.uniform(plenty)
+def balanced(evaluator: Evaluator, uniform: int, target: float, alone: Widths | None = None) -> Widths:
+    """The widths at which each signal, among words with bits to spare, uses a quarter of the target.
+
+    ``alone`` are what this was on some of the tracks, where the search for it begins.
+    """
+    plenty = evaluator.uniform(min(uniform + _PLENTY, MOST_BITS))
+    low, high = evaluator.uniform(0), plenty
+    if alone is not None:
+        fits = _fit(evaluator, plenty, np.minimum(alone, plenty), target)
+        low = np.where(fits, alone - 1, alone)
+        high = np.where(fits, np.minimum(alone, plenty), plenty)
     while (high - low > 1).any():
-        middle = (low + high) // 2
-        trials = [_with(evaluator.uniform(plenty), k, int(w)) for k, w in enumerate(middle)]
-        fits = np.array([p.share <= target / 4 for p in evaluator.points(trials)])
+        middle = np.where(high - low > 1, (low + high) // 2, high)
+        fits = _fit(evaluator, plenty, middle, target)
         high, low = np.where(fits, middle, high), np.where(fits, low, middle)
-    for offset in range(plenty):
-        widths = np.minimum(high + offset, plenty)
+    return high
+
+
+def _fit(evaluator: Evaluator, plenty: Widths, widths: Widths, target: float) -> NDArray[np.bool_]:
+    """Whether each width by itself leaves three quarters of the target to others."""
+    trials = [_with(plenty, k, int(width)) for k, width in enumerate(widths)]
+    return np.array([p.share <= target / 4 for p in evaluator.points(trials)])
+
+
+def together(evaluator: Evaluator, alone: Widths, uniform: int, target: float) -> Widths:
+    """Balanced widths with as many bits more everywhere as all of them together need."""
+    most = min(uniform + _PLENTY, MOST_BITS)
+    for offset in range(most):
+        widths = np.minimum(alone + offset, most)
         if evaluator.point(widths).share <= target:
             return widths
     return evaluator.uniform(uniform)
 
 
-def widened(evaluator: Evaluator, widths: Widths, target: float) -> Widths:
-    """Widths with as many bits more everywhere as the target needs. Raises FormatError."""
-    while evaluator.point(widths).share > target:
-        if widths.max() > 2 * MOST_BITS:
-            raise FormatError("these tracks meet the tolerance at no word length: allow more error")
-        widths = widths + 1
-    return widths
+def descended(evaluator: Evaluator, widths: Widths, target: float, progress: Progress) -> list[Widths]:
+    """Bits taken until none can be, of many signals at once where their errors together allow it.
 
-
-def descended(evaluator: Evaluator, widths: Widths, target: float, progress: Progress) -> Widths:
-    """Bits taken until none can be; the share of signals that lose one shrinks from round to round."""
-    share, open_ = _FIRST_SHARE, [k for k in range(len(widths)) if widths[k] > 1]
+    All choices on the way, from the first to the last.
+    """
+    way = [widths]
+    open_ = [k for k in range(len(widths)) if widths[k] > 1]
     while True:
         here = evaluator.point(widths)
         trials = {k: _with(widths, k, int(widths[k]) - 1) for k in open_ if widths[k] > 1}
@@ -112,24 +143,17 @@ def descended(evaluator: Evaluator, widths: Widths, target: float, progress: Pro
         # What a signal cannot spare now it can spare later even less.
         open_ = [k for k, p in points.items() if p.share <= target and p.cost <= here.cost]
         if not open_:
-            return widths
-        ranked = sorted(
-            open_,
-            key=lambda k: (
-                (max(points[k].share - here.share, 0.0) + 1e-9) / max(here.cost - points[k].cost, 1e-3),
-                k,
-            ),
-        )
+            return way
+        grown = {k: max(points[k].share - here.share, 0.0) + 1e-9 for k in open_}
+        ranked = sorted(open_, key=lambda k: (grown[k] / max(here.cost - points[k].cost, 1e-3), k))
         progress(f"{here.bits} bits, {here.share:.0%} of what is allowed, {evaluator.candidates} candidates")
-        taken = max(1, int(len(ranked) * share))
-        while True:
-            joint = widths.copy()
-            joint[ranked[:taken]] -= 1
-            if taken == 1 or evaluator.point(joint).share <= target:
-                break
-            taken = max(1, taken // 2)
-        share = min(share, max(taken / len(ranked), _LEAST_SHARE))
-        widths = joint
+        # What rounding adds adds up. Half of what is left is given away at once, the cheapest bits first.
+        sums = np.cumsum([grown[k] for k in ranked])
+        taken = max(1, int(np.searchsorted(sums, (target - here.share) / 2)))
+        while taken > 1 and evaluator.point(_less(widths, ranked[:taken])).share > target:
+            taken //= 2
+        widths = _less(widths, ranked[:taken])
+        way.append(widths)
 
 
 def exchanged(evaluator: Evaluator, widths: Widths, target: float, progress: Progress) -> Widths:
@@ -143,7 +167,7 @@ def exchanged(evaluator: Evaluator, widths: Widths, target: float, progress: Pro
         order = sorted(range(len(given)), key=lambda k: (shares[k], k))
         improved = False
         for k in order[:_TRIES]:
-            other = descended(evaluator, given[k], target, progress)
+            other = descended(evaluator, given[k], target, progress)[-1]
             found = evaluator.point(other)
             if found.cost < point.cost:
                 best, point, improved = other, found, True
@@ -161,6 +185,12 @@ def look_around(evaluator: Evaluator, widths: Widths) -> None:
 
 def _spent(evaluator: Evaluator) -> bool:
     return evaluator.candidates > _BUDGET or evaluator.candidates * evaluator.work > _WORK
+
+
+def _less(widths: Widths, fewer: list[int]) -> Widths:
+    result = widths.copy()
+    result[fewer] -= 1
+    return result
 
 
 def _with(widths: Widths, k: int, width: int) -> Widths:

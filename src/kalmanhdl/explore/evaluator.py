@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from kalmanhdl.explore.area import estimated_luts
 from kalmanhdl.explore.choice import Variable, bits_of, place_forms, variables_of
-from kalmanhdl.explore.format_engine import Drive, FormatEngine, Run
+from kalmanhdl.explore.format_engine import FormatEngine, Run
 from kalmanhdl.explore.program import Code, Program
-from kalmanhdl.explore.tolerance import NOTHING, Case, Verdict
+from kalmanhdl.explore.tolerance import NOTHING, Case, ErrorCase, Verdict
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.simulate.data import Plots
 from kalmanhdl.target.device import Device
 
 Widths = NDArray[np.int64]
@@ -49,14 +50,14 @@ class Point:
 class Evaluator:
     """Points of widths, each found once; every candidate that was ever run is in ``known``.
 
-    ``wide`` are many more tracks, of which only is asked how far values reach. ``headroom`` has bits above
-    those that ranges ask for, by the names of variables.
+    ``wide`` are many more tracks, on which few candidates are run. ``headroom`` has bits above those that
+    ranges ask for, by the names of variables.
     """
 
     engine: FormatEngine
     base: FixedSpecification
     cases: tuple[Case, ...]
-    wide: Drive
+    wide: ErrorCase
     objective: Objective
     part: Device
     monitors: bool
@@ -86,7 +87,7 @@ class Evaluator:
     def work(self) -> int:
         """What one candidate costs, in operations."""
         each = sum(_FUNCTION if step.code is Code.FUNCTION else 1 for step in self.program.steps)
-        return each * sum(case.drive.commands.size for case in self.cases)
+        return each * sum(int(np.count_nonzero(case.drive.commands)) for case in self.cases)
 
     def use(self, base: FixedSpecification, constant: int) -> None:
         """Other formats for what is not chosen; what was known no longer holds."""
@@ -119,6 +120,11 @@ class Evaluator:
     def point(self, widths: Widths) -> Point:
         """The point of one candidate."""
         return self.points([widths])[0]
+
+    def widely(self, widths: Widths, count: int) -> tuple[float, Plots]:
+        """What a candidate uses of what is allowed on the wide tracks, and the ``count`` worst of these."""
+        run = self.wide.engine.run(self.placed(widths), self.constant_width, self.wide.drive)
+        return _verdict(self.wide, run).share, self.wide.worst(run, count)
 
     def placed(self, widths: Widths) -> NDArray[np.void]:
         """The formats of the program's slots under widths."""

@@ -7,6 +7,7 @@ the bit-exact engine on tracks that the search has not seen.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,13 +20,12 @@ from kalmanhdl.explore.descent import (
     best_uniform,
     descended,
     exchanged,
-    fit_constants,
     fit_ranges,
     look_around,
+    together,
     widen_ranges,
-    widened,
 )
-from kalmanhdl.explore.evaluator import Evaluator, Objective, Point, Widths
+from kalmanhdl.explore.evaluator import MOST_BITS, Evaluator, Objective, Point, Widths
 from kalmanhdl.explore.format_engine import FormatEngine
 from kalmanhdl.explore.monte_carlo import Tested, tested
 from kalmanhdl.explore.program import Program, program_of
@@ -109,16 +109,15 @@ class _Task:
         """Plots with the float reference's estimates."""
         return judged(self.design.model, self.filter_, plots)
 
-    def error_case(self, plots: Plots) -> Case:
+    def error_case(self, plots: Plots) -> ErrorCase:
         """Plots on which errors are compared."""
         on, names = self.judged(plots), [f"x[{i}]" for i in range(self.design.model.n)]
-        assert self.tolerance is not None
         return ErrorCase(
             engine=FormatEngine.of(self.program, self.base, names),
             drive=drive_of(self.program, self.reals.scaling, on),
             on=on,
             scales=np.array([self.reals.scales[name] for name in names]),
-            tolerance=self.tolerance,
+            tolerance=np.inf if self.tolerance is None else self.tolerance,
         )
 
     def band_case(self) -> Case:
@@ -181,50 +180,123 @@ def _searched(
         engine=cases[0].engine,
         base=task.base,
         cases=cases,
-        wide=drive_of(task.program, task.reals.scaling, task.judged(task.drawn(_WIDE * task.tracks, 2))),
+        wide=task.error_case(task.drawn(_WIDE * task.tracks, 2)),
         objective=objective,
         part=device(target.device, target.grade),
         monitors=task.consistency,
         pool=pool,
         headroom=dict(task.base.headroom),
     )
-    share = _MARGIN
-    fit_ranges(evaluator)
-    progress("finding the best uniform word length")
-    uniform = best_uniform(evaluator, share)
-    evaluator.use(replace(evaluator.base, width=uniform), evaluator.constant_width)
-    progress(f"{uniform} bits a word; finding what each signal bears")
-    widths = balanced(evaluator, uniform, share)
-    widths = descended(evaluator, widths, share, progress)
-    widths = exchanged(evaluator, widths, share, progress)
-    for attempt in range(_ATTEMPTS):
-        progress("confirming with the bit-exact engine on tracks that were not seen")
-        trial = _tried(task, evaluator, widths, judged_by, attempt)
-        if trial.holds:
-            return _found(task, evaluator, widths, uniform, share, trial)
-        # The tracks on which it failed are seen from now on, and others take their place.
-        drawn = joined(drawn, trial.worst)
-        evaluator.judge(_cases(task, drawn, chosen_by))
-        fit_ranges(evaluator)
-        if trial.short and evaluator.point(widths).share <= 1:
-            # None of the tracks kept shows what left its format.
-            widen_ranges(evaluator, trial.short)
-        if trial.share > 1 and not trial.short:
+    return _Search(
+        task=task,
+        evaluator=evaluator,
+        progress=progress,
+        drawn=drawn,
+        chosen_by=chosen_by,
+        judged_by=judged_by,
+    ).found()
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Search:
+    """A search on its way: the tracks that it has seen become more.
+
+    ``share`` is how much of what is allowed candidates may use, ``alone`` what each signal bears by itself.
+    """
+
+    task: _Task
+    evaluator: Evaluator
+    progress: Progress
+    drawn: Plots
+    chosen_by: Plots | None
+    judged_by: Plots | None
+    share: float = _MARGIN
+    alone: Widths | None = None
+
+    def found(self) -> Found:
+        """What is chosen, confirmed on tracks not seen."""
+        fit_ranges(self.evaluator)
+        uniform = self._uniform()
+        for attempt in range(_ATTEMPTS):
+            widths = self._held(partial(self._fewest, uniform))
+            self.progress("confirming with the bit-exact engine on tracks that were not seen")
+            trial = _tried(self.task, self.evaluator, widths, self.judged_by, attempt)
+            if trial.holds:
+                return _found(self.task, self.evaluator, widths, uniform, self.share, trial)
+            self._mend(widths, trial)
+            uniform = self._uniform()
+        raise FormatError(
+            f"{self.task.design.name}: formats that hold on tracks not seen were not found: allow more error"
+        )
+
+    def _uniform(self) -> int:
+        """The best word length, which the widths of signals that are not yet known have as well."""
+        self.progress("finding the best uniform word length")
+        evaluator = self.evaluator
+        widths = self._held(lambda: evaluator.uniform(best_uniform(evaluator, self.share)))
+        uniform = int(widths[0])
+        if uniform != evaluator.base.width:
+            evaluator.use(replace(evaluator.base, width=uniform), evaluator.constant_width)
+        return uniform
+
+    def _fewest(self, uniform: int) -> Widths:
+        evaluator, share = self.evaluator, self.share
+        self.progress(f"{uniform} bits a word; finding what each signal bears")
+        self.alone = balanced(evaluator, uniform, share, self.alone)
+        widths = together(evaluator, self.alone, uniform, share)
+        while widths.max() < MOST_BITS and evaluator.widely(widths, 0)[0] > 1:
+            widths = widths + 1
+        way = descended(evaluator, widths, share, self.progress)
+        return self._furthest([*way, exchanged(evaluator, way[-1], share, self.progress)])
+
+    def _furthest(self, way: list[Widths]) -> Widths:
+        """The last choice of a way that holds on the wide tracks too, or the first of all."""
+        holds, fails = 0, len(way)
+        middle = fails - 1
+        while fails - holds > 1:
+            if self.evaluator.widely(way[middle], 0)[0] <= 1:
+                holds = middle
+            else:
+                fails = middle
+            middle = (holds + fails) // 2
+        return way[holds]
+
+    def _held(self, choose: Callable[[], Widths]) -> Widths:
+        """A choice that holds on the wide tracks too: those on which it does not join the tracks seen."""
+        for _ in range(_ATTEMPTS):
+            widths = choose()
+            share, worst = self.evaluator.widely(widths, _WORST)
+            if share <= 1:
+                return widths
+            self.progress(
+                f"{share:.0%} of what is allowed on many more tracks, whose worst are seen from now on"
+            )
+            self._see(worst)
+        raise FormatError(
+            f"{self.task.design.name}: formats that hold on many tracks were not found: allow more error"
+        )
+
+    def _see(self, worst: Plots) -> None:
+        self.drawn = joined(self.drawn, worst)
+        self.evaluator.judge(_cases(self.task, self.drawn, self.chosen_by))
+        fit_ranges(self.evaluator)
+
+    def _mend(self, widths: Widths, trial: "_Trial") -> None:
+        """The tracks on which a choice failed are seen from now on, and others take their place."""
+        self._see(trial.worst)
+        if self.evaluator.point(widths).share > 1:
+            return
+        # None of the tracks kept shows why it failed.
+        if trial.short:
+            widen_ranges(self.evaluator, trial.short)
+        else:
             # By how much it failed, with a margin, within reason.
-            share *= min(0.85, max(0.9 / trial.share, 0.25))
-        fit_constants(evaluator, share)
-        widths = widened(evaluator, widths + 1, share)
-        widths = descended(evaluator, widths, share, progress)
-    raise FormatError(
-        f"{task.design.name}: formats that hold on tracks not seen were not found: allow more error"
-    )
+            self.share *= min(0.85, max(0.9 / trial.share, 0.25))
 
 
 def _cases(task: _Task, drawn: Plots, chosen_by: Plots | None) -> tuple[Case, ...]:
     """What candidates must hold; the tracks drawn come first."""
-    cases: list[Case] = []
-    if task.tolerance is not None:
-        cases += [task.error_case(each) for each in (drawn, chosen_by) if each is not None]
+    cases: list[Case] = [task.error_case(each) for each in (drawn, chosen_by) if each is not None]
     if task.consistency:
         cases.append(task.band_case())
     return tuple(cases)

@@ -18,13 +18,14 @@ from kalmanhdl.explore.tracks import Judged, drive_of
 from kalmanhdl.numerics.integers import Reals
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.simulate.commands import Command
+from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.metrics import nees
 from kalmanhdl.simulate.side_by_side import covariance_of
 
 Array = NDArray[np.float64]
 
 # By so much of half a band may NEES and NIS move away from the float reference's; the rest is chance's.
-_SHIFT = 0.25
+SHIFT = 0.25
 # Tracks on which the bands hold in the end, and by whose bands the search measures.
 BAND_TRACKS = 500
 
@@ -67,7 +68,10 @@ class Case(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorCase:
-    """No state's error exceeds the float reference's by more than ``tolerance`` of it."""
+    """No state's error exceeds the float reference's by more than ``tolerance`` of it.
+
+    An infinite tolerance asks only that there are estimates.
+    """
 
     engine: FormatEngine
     drive: Drive
@@ -77,9 +81,17 @@ class ErrorCase:
 
     def verdict(self, run: Run) -> Verdict:
         """By the greatest excess of a state."""
-        error = float(np.nanmax(self.on.excess(np.moveaxis(run.outputs, 0, -1) * self.scales)))
-        error = error if np.isfinite(error) else np.inf
+        error = float(np.nanmax(self.on.excess(self._estimates(run))))
+        if not np.isfinite(error):
+            return Verdict(share=np.inf, error=np.inf, shift=np.nan)
         return Verdict(share=error / self.tolerance, error=error, shift=np.nan)
+
+    def worst(self, run: Run, count: int) -> Plots:
+        """The tracks on which a run comes furthest from the float reference."""
+        return self.on.worst(self._estimates(run), count)
+
+    def _estimates(self, run: Run) -> Array:
+        return np.asarray(np.moveaxis(run.outputs, 0, -1) * self.scales)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,7 +136,7 @@ class BandCase:
             P[..., i, i] = values[f"P[{i},{i}]"]
         moved = np.abs(_statistics(self.on, x, P, values["nis"]) - self._reference())
         shift = float(np.max(moved)) if np.isfinite(moved).all() else np.inf
-        return Verdict(share=shift / _SHIFT, error=np.nan, shift=shift)
+        return Verdict(share=shift / SHIFT, error=np.nan, shift=shift)
 
     def _reference(self) -> Array:
         estimates = self.on.estimates

@@ -15,7 +15,7 @@ from kalmanhdl.graph.operations import Graph
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.quantise import quantise
-from kalmanhdl.numerics.ranges import Plots, Ranges, observed, simulated
+from kalmanhdl.numerics.ranges import Plots, Ranges, observed, of_all_ages
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
@@ -69,7 +69,7 @@ def in_reals(
     model: Model, algorithm: Algorithm, specification: FixedSpecification, *, loadable: bool = False
 ) -> Reals:
     """One step of an algorithm on a model, observed over tracks drawn from the model."""
-    plots = simulated(model, specification.coast)
+    plots = of_all_ages(model, specification.coast)
     if not np.isfinite(plots.z).all():
         problem = ": the model's tracks leave the numbers of double precision"
         raise InvalidModelValueError("model", "measurement_range", problem)

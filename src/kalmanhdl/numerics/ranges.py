@@ -1,6 +1,6 @@
 """How large the numbers of a step become: every operation observed over simulated tracks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 STEPS, TRACKS, SEED = 64, 256, 1960
 # Half of the tracks miss nothing; of the rest half misses all it may, and half one component in five.
 _MISSED = 0.2
+# How often tracks that do not stay in their ranges are made slower, by a factor of four.
+_SLOWER = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,20 +50,44 @@ class Ranges:
         return index in self.declared and self.low[index] >= 0
 
 
-def simulated(model: Model, coast: int, steps: int = STEPS, tracks: int = TRACKS, seed: int = SEED) -> Plots:
+def simulated(
+    model: Model,
+    coast: int,
+    steps: int = STEPS,
+    tracks: int = TRACKS,
+    seed: int = SEED,
+    *,
+    slow: bool = False,
+) -> Plots:
     """Tracks drawn from the model: truth with its noise, plots with theirs, and missed ones among them.
 
     No component is missed more than ``coast`` times in a row, and in some tracks all are so often.
     A track counts for as long as its plots stay within the model's declared ranges. Controls, whose law
-    the model does not know, are standard normal in the units of the model.
+    the model does not know, are standard normal in the units of the model. ``slow`` ones stay in the ranges
+    where they can; see ``paces``.
     """
     random = np.random.default_rng(seed)
-    drawn_tracks = drawn(model, random, steps, tracks)
+    pace = paces(model, steps, np.full(tracks, slow), seed)
+    drawn_tracks = drawn(model, random, steps, tracks, pace)
     return Plots(
         z=drawn_tracks.z,
         u=drawn_tracks.u,
         valid=missed_now_and_then(model, random, steps, tracks, coast),
         relevant=drawn_tracks.relevant,
+    )
+
+
+def of_all_ages(model: Model, coast: int) -> Plots:
+    """The tracks that ranges rest on: some as the start lets expect, and slow ones, which grow old."""
+    lively = simulated(model, coast)
+    if not _free(model).any():
+        return lively
+    slow = simulated(model, coast, slow=True)
+    return Plots(
+        **{
+            field.name: np.concatenate([getattr(lively, field.name), getattr(slow, field.name)], axis=1)
+            for field in fields(Plots)
+        }
     )
 
 
@@ -75,9 +101,14 @@ class Drawn:
     relevant: NDArray[np.bool_]
 
 
-def drawn(model: Model, random: np.random.Generator, steps: int, tracks: int) -> Drawn:
-    """Tracks of a model, its noise and its measurements' noise drawn from ``random``; see ``simulated``."""
-    x = model.first_states(random, tracks)
+def drawn(
+    model: Model, random: np.random.Generator, steps: int, tracks: int, pace: Array | float = 1.0
+) -> Drawn:
+    """Tracks of a model, its noise and its measurements' noise drawn from ``random``; see ``simulated``.
+
+    Their first states are multiplied by ``pace`` (tracks, n).
+    """
+    x = model.first_states(random, tracks) * pace
     u, noise = np.zeros((steps, tracks, model.p)), np.zeros((steps, tracks, len(model.Q)))
     error = np.zeros((steps, tracks, model.m))
     controls = model.p - len(model.inputs)
@@ -97,6 +128,37 @@ def drawn(model: Model, random: np.random.Generator, steps: int, tracks: int) ->
         inside = np.all((z >= low) & (z <= high), axis=2)
         relevant = np.logical_and.accumulate(inside, axis=0)
     return Drawn(truth=truth, z=z, u=u, relevant=relevant)
+
+
+def paces(model: Model, steps: int, slow: NDArray[np.bool_], seed: int) -> Array:
+    """What the first states (tracks, n) are multiplied by, so that ``slow`` tracks stay in the ranges.
+
+    A start from noisy plots gives rates with errors so large that a target as fast as these is gone after
+    a few steps, and how a settled filter computes is never seen. How good such a start is does
+    not depend on how fast the target is, so that the model leaves this open. For tracks of ``drawn`` with a
+    generator of the same seed.
+    """
+    pace, free, before = np.ones((len(slow), model.n)), _free(model), -1
+    for _ in range(_SLOWER if free.any() and slow.any() else 0):
+        relevant = drawn(model, np.random.default_rng(seed), steps, len(slow), pace).relevant
+        fast, there = slow & ~relevant[-1], int(relevant.sum())
+        if not fast.any() or there <= before:
+            break
+        before = there
+        pace[np.ix_(fast, free)] /= 4.0
+    return pace
+
+
+def _free(model: Model) -> NDArray[np.bool_]:
+    """The states that no measurement shows, and that a start computes from plots: any truth is as good."""
+    if model.measurement_range is None:
+        return np.zeros(model.n, bool)
+    low, high = model.measurement_range.T
+    z, nothing = low + np.array([[0.3], [0.6]]) * (high - low), np.zeros((2, model.n))
+    with np.errstate(all="ignore"):
+        mean, _ = model.start(elements(nothing), elements(z), elements(np.zeros((2, model.p))))
+    first, second = rows(mean, (2,))
+    return np.asarray((first != second) & ~model.dependence.any(axis=0))
 
 
 def observed(graph: Graph, model: Model, plots: Plots) -> Ranges:
