@@ -129,16 +129,18 @@ def together(evaluator: Evaluator, alone: Widths, uniform: int, target: float) -
     return evaluator.uniform(uniform)
 
 
-def descended(evaluator: Evaluator, widths: Widths, target: float, progress: Progress) -> list[Widths]:
+def descended(
+    evaluator: Evaluator, widths: Widths, target: float, progress: Progress, least: Widths | None = None
+) -> list[Widths]:
     """Bits taken until none can be, of many signals at once where their errors together allow it.
 
-    All choices on the way, from the first to the last.
+    No signal gets narrower than ``least``. All choices on the way, from the first to the last.
     """
-    way = [widths]
-    open_ = [k for k in range(len(widths)) if widths[k] > 1]
+    way, floor = [widths], evaluator.uniform(1) if least is None else least
+    open_ = [k for k in range(len(widths)) if widths[k] > floor[k]]
     while True:
         here = evaluator.point(widths)
-        trials = {k: _with(widths, k, int(widths[k]) - 1) for k in open_ if widths[k] > 1}
+        trials = {k: _with(widths, k, int(widths[k]) - 1) for k in open_ if widths[k] > floor[k]}
         points = dict(zip(trials, evaluator.points(list(trials.values())), strict=True))
         # What a signal cannot spare now it can spare later even less.
         open_ = [k for k, p in points.items() if p.share <= target and p.cost <= here.cost]

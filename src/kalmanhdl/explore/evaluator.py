@@ -84,6 +84,11 @@ class Evaluator:
         return form if isinstance(form, int) else form.width
 
     @property
+    def headroom_of(self) -> Widths:
+        """The headroom of each variable."""
+        return np.array([self.headroom.get(each.name, 0) for each in self.variables], np.int64)
+
+    @property
     def work(self) -> int:
         """What one candidate costs, in operations."""
         each = sum(_FUNCTION if step.code is Code.FUNCTION else 1 for step in self.program.steps)
@@ -122,9 +127,13 @@ class Evaluator:
         return self.points([widths])[0]
 
     def widely(self, widths: Widths, count: int) -> tuple[float, Plots]:
-        """What a candidate uses of what is allowed on the wide tracks, and the ``count`` worst of these."""
+        """What a candidate uses of what is allowed on the wide tracks, and the ``count`` worst of these.
+
+        A variance that rounding makes negative, which is held at zero, counts by the error that this makes.
+        """
         run = self.wide.engine.run(self.placed(widths), self.constant_width, self.wide.drive)
-        return _verdict(self.wide, run).share, self.wide.worst(run, count)
+        share = np.inf if run.beyond.any() else self.wide.verdict(run).share
+        return share, self.wide.worst(run, count)
 
     def placed(self, widths: Widths) -> NDArray[np.void]:
         """The formats of the program's slots under widths."""

@@ -7,7 +7,6 @@ the bit-exact engine on tracks that the search has not seen.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from kalmanhdl.explore.descent import (
     together,
     widen_ranges,
 )
-from kalmanhdl.explore.evaluator import MOST_BITS, Evaluator, Objective, Point, Widths
+from kalmanhdl.explore.evaluator import Evaluator, Objective, Point, Widths
 from kalmanhdl.explore.format_engine import FormatEngine
 from kalmanhdl.explore.monte_carlo import Tested, tested
 from kalmanhdl.explore.program import Program, program_of
@@ -54,9 +53,17 @@ TRACKS = 64
 # What is chosen on some tracks is to hold on others: so much of what is allowed is used on those.
 _MARGIN = 0.8
 _ATTEMPTS = 8
+_DESCENTS, _DRAWINGS = 3, 3
+# Bits that every signal gets beyond those of the search, which allows errors as much greater as such bits
+# make them smaller. What rounding adds is the same then, but where a filter breaks is so many bits away.
+_SPARE = 2
+# How often other tracks are drawn where the float reference is outside of a band.
+_CHANCES = 4
 # Tracks on which a choice failed that join those of the search.
 _WORST = 16
-_WIDE = 16
+_WIDE = 8
+# The numbers of their drawings come after this one.
+_WIDE_NUMBER = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,7 +187,7 @@ def _searched(
         engine=cases[0].engine,
         base=task.base,
         cases=cases,
-        wide=task.error_case(task.drawn(_WIDE * task.tracks, 2)),
+        wide=task.error_case(task.drawn(_WIDE * task.tracks, _WIDE_NUMBER)),
         objective=objective,
         part=device(target.device, target.grade),
         monitors=task.consistency,
@@ -201,7 +208,8 @@ def _searched(
 class _Search:
     """A search on its way: the tracks that it has seen become more.
 
-    ``share`` is how much of what is allowed candidates may use, ``alone`` what each signal bears by itself.
+    ``share`` is how much of what is allowed candidates may use, ``alone`` what each signal bears by itself,
+    ``drawings`` how often many tracks were drawn to find those on which a choice fails.
     """
 
     task: _Task
@@ -212,74 +220,125 @@ class _Search:
     judged_by: Plots | None
     share: float = _MARGIN
     alone: Widths | None = None
+    drawings: int = 0
+
+    @property
+    def looser(self) -> float:
+        """How much greater errors are without the spare bits; NEES and NIS may move by less."""
+        return float((2 if self.task.consistency else 4) ** _SPARE)
 
     def found(self) -> Found:
         """What is chosen, confirmed on tracks not seen."""
-        fit_ranges(self.evaluator)
-        uniform = self._uniform()
+        self._reach()
         for attempt in range(_ATTEMPTS):
-            widths = self._held(partial(self._fewest, uniform))
+            uniform = self._uniform()
+            widths = self._spared(self._fewest(uniform, self._balanced(uniform)))
             self.progress("confirming with the bit-exact engine on tracks that were not seen")
             trial = _tried(self.task, self.evaluator, widths, self.judged_by, attempt)
             if trial.holds:
-                return _found(self.task, self.evaluator, widths, uniform, self.share, trial)
+                return _found(self.task, self.evaluator, widths, uniform + _SPARE, self.share, trial)
             self._mend(widths, trial)
-            uniform = self._uniform()
-        raise FormatError(
-            f"{self.task.design.name}: formats that hold on tracks not seen were not found: allow more error"
-        )
+        raise self._hopeless("tracks not seen")
+
+    def _reach(self) -> None:
+        """Bits above the binary point, one more where every further drawing of tracks asks for them.
+
+        What still grows with the number of tracks will grow with the tracks to come.
+        """
+        fit_ranges(self.evaluator)
+        grown = set[str]()
+        for _ in range(_DRAWINGS):
+            before = dict(self.evaluator.headroom)
+            self._draw()
+            fit_ranges(self.evaluator)
+            grown |= {name for name, bits in self.evaluator.headroom.items() if bits > before.get(name, 0)}
+        widen_ranges(self.evaluator, grown)
 
     def _uniform(self) -> int:
         """The best word length, which the widths of signals that are not yet known have as well."""
         self.progress("finding the best uniform word length")
         evaluator = self.evaluator
-        widths = self._held(lambda: evaluator.uniform(best_uniform(evaluator, self.share)))
-        uniform = int(widths[0])
+        uniform = int(
+            self._held(lambda: evaluator.uniform(best_uniform(evaluator, self.share * self.looser)))[0]
+        )
         if uniform != evaluator.base.width:
             evaluator.use(replace(evaluator.base, width=uniform), evaluator.constant_width)
         return uniform
 
-    def _fewest(self, uniform: int) -> Widths:
-        evaluator, share = self.evaluator, self.share
+    def _balanced(self, uniform: int) -> Widths:
+        """Widths at which all signals use about as much of what is allowed."""
         self.progress(f"{uniform} bits a word; finding what each signal bears")
-        self.alone = balanced(evaluator, uniform, share, self.alone)
-        widths = together(evaluator, self.alone, uniform, share)
-        while widths.max() < MOST_BITS and evaluator.widely(widths, 0)[0] > 1:
-            widths = widths + 1
-        way = descended(evaluator, widths, share, self.progress)
-        return self._furthest([*way, exchanged(evaluator, way[-1], share, self.progress)])
 
-    def _furthest(self, way: list[Widths]) -> Widths:
-        """The last choice of a way that holds on the wide tracks too, or the first of all."""
-        holds, fails = 0, len(way)
-        middle = fails - 1
-        while fails - holds > 1:
-            if self.evaluator.widely(way[middle], 0)[0] <= 1:
-                holds = middle
-            else:
-                fails = middle
-            middle = (holds + fails) // 2
-        return way[holds]
+        def chosen() -> Widths:
+            share = self.share * self.looser
+            self.alone = balanced(self.evaluator, uniform, share, self.alone)
+            return together(self.evaluator, self.alone, uniform, share)
+
+        return self._held(chosen)
+
+    def _fewest(self, uniform: int, widths: Widths) -> Widths:
+        """From there downwards, as far as the choice holds on many other tracks."""
+        evaluator, share = self.evaluator, self.share * self.looser
+        for _ in range(_DESCENTS):
+            way = descended(evaluator, widths, share, self.progress)
+            way.append(exchanged(evaluator, way[-1], share, self.progress))
+            widths = way[-1]
+            self._draw()
+            found, worst = evaluator.widely(widths, _WORST)
+            if found <= self.looser:
+                return widths
+            self._complain(found)
+            before = evaluator.headroom_of
+            self._see(worst)
+            way = [each + evaluator.headroom_of - before for each in way]
+            # Widths at which the errors on the tracks that joined are small enough again.
+            widths = way[_furthest(way, lambda each: evaluator.point(each).share <= share)]
+        while evaluator.widely(widths, 0)[0] > self.looser:
+            widths = widths + 1
+        return widths
+
+    def _spared(self, widths: Widths) -> Widths:
+        """Widths of the search with bits that keep them from where the filter breaks: all, or all but one.
+
+        Of what could be taken back, so much is that the errors on many other tracks are as allowed too.
+        """
+        evaluator, wider = self.evaluator, widths + _SPARE
+        self._draw()
+        while evaluator.point(wider).share > self.share or evaluator.widely(wider, 0)[0] > self.share:
+            wider = wider + 1
+        way = descended(evaluator, wider, self.share, self.progress, widths + _SPARE - 1)
+        return way[_furthest(way, lambda each: evaluator.widely(each, 0)[0] <= self.share)]
 
     def _held(self, choose: Callable[[], Widths]) -> Widths:
-        """A choice that holds on the wide tracks too: those on which it does not join the tracks seen."""
+        """A choice that holds on many other tracks: those on which it does not join the tracks seen."""
         for _ in range(_ATTEMPTS):
             widths = choose()
+            self._draw()
             share, worst = self.evaluator.widely(widths, _WORST)
-            if share <= 1:
+            if share <= self.looser:
                 return widths
-            self.progress(
-                f"{share:.0%} of what is allowed on many more tracks, whose worst are seen from now on"
-            )
+            self._complain(share)
             self._see(worst)
-        raise FormatError(
-            f"{self.task.design.name}: formats that hold on many tracks were not found: allow more error"
-        )
+        raise self._hopeless("many tracks")
+
+    def _complain(self, share: float) -> None:
+        by = f"{share:.0%} of what is allowed" if np.isfinite(share) else "values beyond their formats"
+        self.progress(f"{by} on many other tracks: the worst join those seen")
+
+    def _draw(self) -> None:
+        """Many other tracks than before."""
+        self.drawings += 1
+        tracks = self.task.drawn(_WIDE * self.task.tracks, _WIDE_NUMBER + self.drawings)
+        self.evaluator.wide = self.task.error_case(tracks)
 
     def _see(self, worst: Plots) -> None:
+        """Tracks join those on which candidates are run, and those that left their ranges give these."""
         self.drawn = joined(self.drawn, worst)
         self.evaluator.judge(_cases(self.task, self.drawn, self.chosen_by))
+        before = self.evaluator.headroom_of
         fit_ranges(self.evaluator)
+        if self.alone is not None:
+            self.alone = self.alone + (self.evaluator.headroom_of - before)
 
     def _mend(self, widths: Widths, trial: "_Trial") -> None:
         """The tracks on which a choice failed are seen from now on, and others take their place."""
@@ -292,6 +351,23 @@ class _Search:
         else:
             # By how much it failed, with a margin, within reason.
             self.share *= min(0.85, max(0.9 / trial.share, 0.25))
+
+    def _hopeless(self, where: str) -> FormatError:
+        return FormatError(
+            f"{self.task.design.name}: formats that hold on {where} were not found: allow more error"
+        )
+
+
+def _furthest(way: list[Widths], holds: Callable[[Widths], bool]) -> int:
+    """The last place of a way at which it holds, or the first of all."""
+    good, bad = 0, len(way)
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        if holds(way[middle]):
+            good = middle
+        else:
+            bad = middle
+    return good
 
 
 def _cases(task: _Task, drawn: Plots, chosen_by: Plots | None) -> tuple[Case, ...]:
@@ -336,11 +412,9 @@ def _tried(
     share = 0.0 if task.tolerance is None else max(errors) / task.tolerance
     bands = None
     if task.consistency:
-        plots = task.drawn(BAND_TRACKS, 200 + attempt, coast=0)
-        simulation = simulate(model, task.filter_, typed, plots, optimised=False)
+        simulation, bands = _consistent(task, typed, attempt)
         short |= _short(simulation, typed, chosen)
-        bands = tested(simulation)
-        share = max(share, _band_share(task.design, bands))
+        share = max(share, _band_share(bands))
     asked = task.tolerance is not None
     return _Trial(
         specification=specification,
@@ -353,17 +427,31 @@ def _tried(
     )
 
 
-def _band_share(design: Design, bands: tuple[Tested, Tested]) -> float:
+def _consistent(task: _Task, typed: Numbers, attempt: int) -> tuple[Simulation, tuple[Tested, Tested]]:
+    """NEES and NIS of float reference and engine, on tracks on which the reference's lie in their bands.
+
+    By chance one of twenty lies outside. Raises FormatError where it is more than chance.
+    """
+    for number in range(_CHANCES):
+        plots = task.drawn(BAND_TRACKS, 200 + _CHANCES * attempt + number, coast=0)
+        simulation = simulate(task.design.model, task.filter_, typed, plots, optimised=False)
+        reference, exact = tested(simulation)
+        outside = [
+            each for each in (("NEES", reference.nees), ("NIS", reference.nis)) if not each[1].consistent
+        ]
+        if not outside:
+            return simulation, (reference, exact)
+    name, found = outside[0]
+    raise FormatError(
+        f"{task.design.name}: {name} of the float reference itself is {found.mean:.4f}, outside of "
+        f"{found.low:.4f} to {found.high:.4f}: mend the model, or ask for a tolerance of errors alone"
+    )
+
+
+def _band_share(bands: tuple[Tested, Tested]) -> float:
     """1 where NEES and NIS of the engine lie in their bands, more the further they lie outside."""
-    reference, exact = bands
     worst = 0.0
-    for name, float_, own in (("NEES", reference.nees, exact.nees), ("NIS", reference.nis, exact.nis)):
-        if not float_.consistent:
-            raise FormatError(
-                f"{design.name}: {name} of the float reference itself is {float_.mean:.4f}, outside of "
-                f"{float_.low:.4f} to {float_.high:.4f}: mend the model, try other tracks by seed, or ask "
-                "for a tolerance of errors alone"
-            )
+    for own in (bands[1].nees, bands[1].nis):
         half, centre = (own.high - own.low) / 2, (own.high + own.low) / 2
         worst = max(worst, abs(own.mean - centre) / half if own.mean == own.mean else np.inf)
     return worst

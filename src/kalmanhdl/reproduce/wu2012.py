@@ -82,7 +82,7 @@ def paper_model() -> ConvertedModel:
         initial=three_point(),
         state_names=motion.state_names,
         state_units=("m",) * 3 + ("m/s",) * 3 + ("m/s^2",) * 3,
-        measurement_range=np.array([[1, 800], [-math.pi, math.pi], [-math.pi / 2, math.pi / 2]]),
+        measurement_range=np.array([[50, 800], [-math.pi, math.pi], [-math.pi / 18, math.pi / 3]]),
     )
 
 
