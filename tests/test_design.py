@@ -8,7 +8,7 @@ import pytest
 
 from kalmanhdl.algorithm import Conventional
 from kalmanhdl.design import Architecture, Design, Target
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DataError, DesignError
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -87,3 +87,15 @@ def test_a_design_of_objects_needs_no_pydantic():
 def test_a_design_is_not_named_like_a_port(name):
     with pytest.raises(DesignError, match="a name of the hardware's ports"):
         Design(name=name, model=MODEL)
+
+
+@pytest.mark.parametrize("steps", [-1, 1.5, True, "10", np.array([1, 2])])
+def test_a_build_is_verified_by_a_number_of_steps(tmp_path, steps):
+    with pytest.raises(DesignError, match=r"verify_steps = .*: an integer from 0 to 1000000000"):
+        Design(name="a", model=MODEL).build(tmp_path / "out", verify_steps=steps)
+    assert not (tmp_path / "out").exists()
+
+
+def test_controls_without_measurements_are_not_left_out_silently(tmp_path):
+    with pytest.raises(DataError, match="u and time are given without z"):
+        Design(name="a", model=MODEL).build(tmp_path / "out", u=[[1]])

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.algorithm import ALGORITHMS, Algorithm, Conventional
 from kalmanhdl.arithmetic.product_structure import LogicProduct
+from kalmanhdl.errors import DataError
 from kalmanhdl.graph.kinds import ITERATIVE, KINDS, limit
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
@@ -30,6 +31,7 @@ MAX_CLOCKS = 999
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
 MAX_LANES = 256
+MAX_STEPS = 1_000_000_000
 MAX_SOLVER_SECONDS = 10_000.0
 SOLVER_SECONDS = 2.0
 """Enough for most filters; seconds of the solver's own, some of a processor's each."""
@@ -260,12 +262,13 @@ class Design:
     ) -> "Simulation":
         """Filter measurements with the float reference and the bit-exact engine, side by side.
 
-        z (steps, m) for one track or (steps, tracks, m), NaN where missed; controls u likewise, behind them
-        the run-time inputs. ``time`` (steps,) or (steps, tracks), in s, stands for the one that follows from
-        it.
+        z (steps, m) for one track or (steps, tracks, m), NaN or masked where missed; controls u likewise,
+        behind them the run-time inputs. ``time`` (steps,) or (steps, tracks), in s, stands for the one that
+        follows from it.
 
         Raises:
-            DataError: a shape that does not suit the model, an infinite number, a control that is missing.
+            DataError: a shape that does not suit the model, an infinite number, a control that is missing,
+                controls of a model without any.
         """
         from kalmanhdl.pipeline import simulate
         from kalmanhdl.simulate.data import plots_from_arrays
@@ -290,13 +293,17 @@ class Design:
         synthesis, place and route; ``force`` replaces an earlier build.
 
         Raises:
-            DesignError: the numerics are floating point, for which there is no hardware yet.
+            DesignError: a number of steps that cannot be.
             OutputError, DataError, FormatError, ScheduleError, ToolError, VerificationError. Nothing is
                 written then.
         """
         from kalmanhdl.build import build
         from kalmanhdl.simulate.data import plots_from_arrays
 
+        if verify_steps is not None:
+            _check_integer("", "verify_steps", verify_steps, 0, MAX_STEPS)
+        if z is None and (u is not None or time is not None):
+            raise DataError("u and time are given without z: they belong to measurements")
         plots = None if z is None else plots_from_arrays(z, self.model, u, time)
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
 

@@ -162,13 +162,42 @@ def test_arrays_become_plots():
         ([[1, 2]], [[0], [1]], "make them equal"),
         ([[1, 2]], [[np.nan]], "a control is known at every step"),
         ([[1, np.inf]], [[0]], "z has an infinite number"),
-        ([["a", "b"]], [[0]], "is no array of numbers"),
+        ([["a", "b"]], [[0]], "is no array of real numbers: give floats or integers, NaN where missed"),
+        ([["1", "2"]], [[0]], "is no array of real numbers"),
+        (np.array([["1", "2"]], "S8"), [[0]], "is no array of real numbers"),
+        (np.array([["1", 2.0]], object), [[0]], "is no array of real numbers"),
+        (np.array([[1, 2]], "datetime64[s]"), [[0]], "is no array of real numbers"),
+        (np.array([[1, 2]], "timedelta64[s]"), [[0]], "is no array of real numbers"),
+        ([[1, 2]], np.ma.array([[1.0]], mask=[[True]]), "u has a NaN"),
     ],
 )
 def test_arrays_that_do_not_suit_the_model_are_refused(z, u, message):
     with pytest.raises(DataError) as caught:
         plots_from_arrays(z, MODEL, u)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("u", ["x", [[1.0], [2.0]], np.zeros((2, 1, 3))])
+def test_controls_of_a_model_without_any_are_refused(u):
+    model = linear_model([[1]], [[1]], [[1]], [[1]], initial=given([0], [[1]]))
+    with pytest.raises(
+        DataError, match=r"u (has shape .*: the model takes none, leave it out|= 'x' is no arr)"
+    ):
+        plots_from_arrays([[1], [2]], model, u)
+    assert plots_from_arrays([[1], [2]], model, np.zeros((2, 0))).u.shape == (2, 1, 0)
+
+
+def test_what_is_masked_is_missed():
+    z = np.ma.array([[1.0, 2.0], [3.0, 4.0]], mask=[[False, True], [False, False]])
+    expected = [[1, np.nan], [3, 4]]
+    for given_z in (z, z.astype(int), list(z), [[1, None], [3, 4]]):
+        np.testing.assert_array_equal(plots_from_arrays(given_z, MODEL, [[0], [0]]).z[:, 0], expected)
+
+
+def test_times_are_numbers_of_seconds():
+    days = np.array(["2026-01-01", "2026-01-02"], "datetime64[D]")
+    with pytest.raises(DataError, match="is not 2 numbers of seconds, or 2 x 1"):
+        plots_from_arrays([[1, 2], [3, 4]], MODEL, [[0], [0]], time=days)
 
 
 WORDS = [b"", b",", b'"', b"\n", b"\x00", b"\xff", b"inf", b"1e999", b"=1+1", b"nan", b"x" * 9]

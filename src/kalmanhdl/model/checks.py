@@ -19,6 +19,9 @@ SEMIDEFINITE_TOLERANCE = 1e-9
 DEFINITE_TOLERANCE = 1e-13
 OBSERVABILITY_TOLERANCE = 1e-11
 
+# Elements of an array of objects that convert to a float and are none.
+_NO_REALS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)
+
 # Columns of data files and of results that are not measurements.
 _RESERVED = ("track", "time", "step", "nis")
 
@@ -32,10 +35,7 @@ def fault(key: str, problem: str) -> InvalidModelValueError:
 def array(key: str, value: ArrayLike, shape: tuple[int | None, ...], rule: str) -> Array:
     """A finite, read-only array of float64 of a shape in which None is any size >= 1."""
     try:
-        raw = np.asarray(value)
-        if raw.dtype.kind not in "iuf" and not (raw.dtype.kind == "O" and raw.size <= MAX_STATES**2):
-            raise TypeError
-        result = np.array(raw, dtype=np.float64)
+        result = reals(value)
     except (TypeError, ValueError, OverflowError):
         raise fault(key, f" = {shown(value)} is no array of real numbers: {rule}") from None
     expected = zip(result.shape, shape, strict=False)
@@ -47,6 +47,24 @@ def array(key: str, value: ArrayLike, shape: tuple[int | None, ...], rule: str) 
         index = tuple(int(i) for i in np.argwhere(~finite)[0])
         raise fault(key, f"{place(index)} = {result[index]} is not finite: {rule}")
     result.flags.writeable = False
+    return result
+
+
+def reals(value: ArrayLike) -> Array:
+    """A new array of float64 from real numbers, NaN where it is masked or has None.
+
+    Raises:
+        TypeError, ValueError, OverflowError: something else, such as texts, dates, truths or ragged lists.
+    """
+    if isinstance(value, list | tuple) and any(isinstance(each, np.ma.MaskedArray) for each in value):
+        value = np.ma.array(value)
+    raw = value if isinstance(value, np.ndarray) else np.asarray(value)
+    if raw.dtype.kind not in "iufO":
+        raise TypeError
+    if raw.dtype.kind == "O" and any(isinstance(each, _NO_REALS) for each in raw.flat):
+        raise TypeError
+    result = np.array(raw, dtype=np.float64)
+    result[np.ma.getmaskarray(raw)] = np.nan
     return result
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.errors import DataError
+from kalmanhdl.model.checks import reals
 from kalmanhdl.model.inputs import RunTimeInput, outside
 from kalmanhdl.model.model import Model
 from kalmanhdl.validation import nearest, shown
@@ -64,14 +65,15 @@ def read_plots(path: str | Path, model: Model) -> Plots:
 def plots_from_arrays(
     z: ArrayLike, model: Model, u: ArrayLike | None = None, time: ArrayLike | None = None
 ) -> Plots:
-    """The plots of arrays: z (steps, m) for one track or (steps, tracks, m), NaN where missed; u alike.
+    """The plots of arrays: z (steps, m) for one track or (steps, tracks, m), NaN or masked where missed;
+    u alike.
 
     ``time`` (steps,) or (steps, tracks), in seconds. Where a run-time input follows from it, u has all
     other columns.
 
     Raises:
-        DataError: a shape that does not suit the model, an infinite number, a control that is missing, a
-            run-time input outside of its limits.
+        DataError: a shape that does not suit the model, an infinite number, a control that is missing,
+            controls of a model without any, a run-time input outside of its limits.
     """
     measured = _cube("z", z, model.m)
     times = None if time is None else _times(time, measured.shape[:2])
@@ -79,7 +81,7 @@ def plots_from_arrays(
     wanted = model.p - (timed is not None)
     if u is None and wanted:
         raise DataError(f"u is missing: the model has {wanted} control{'s' * (wanted > 1)}")
-    controls = np.zeros((*measured.shape[:2], 0)) if not wanted else _cube("u", u, wanted)  # type: ignore[arg-type]
+    controls = np.zeros((*measured.shape[:2], 0)) if u is None else _cube("u", u, wanted)
     if controls.shape[:2] != measured.shape[:2]:
         raise DataError(
             f"u is for {controls.shape[:2]} steps and tracks, z for {measured.shape[:2]}: make them equal"
@@ -107,10 +109,10 @@ def plots_from_arrays(
 
 def _times(time: ArrayLike, shape: tuple[int, int]) -> Array:
     try:
-        times = np.array(time, dtype=np.float64)
+        times = reals(time)
         times = np.array(np.broadcast_to(times[:, None] if times.ndim == 1 else times, shape))
     except (TypeError, ValueError, OverflowError):
-        problem = f"{shape[0]} times, or {shape[0]} x {shape[1]}"
+        problem = f"{shape[0]} numbers of seconds, or {shape[0]} x {shape[1]}"
         raise DataError(f"time = {shown(time)} is not {problem}: one for each row of z") from None
     if not np.isfinite(times).all():
         raise DataError("time has a number that is not finite: every row has its time")
@@ -136,15 +138,16 @@ def _beyond(each: RunTimeInput, value: float) -> str:
 
 def _cube(name: str, value: ArrayLike, last: int) -> Array:
     try:
-        if np.iscomplexobj(value):
-            raise TypeError
-        result = np.array(value, dtype=np.float64)
+        result = reals(value)
     except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{name} = {shown(value)} is no array of numbers") from None
+        problem = "is no array of real numbers: give floats or integers, NaN where missed"
+        raise DataError(f"{name} = {shown(value)} {problem}") from None
+    shape = result.shape
     if result.ndim == 2:
         result = result[:, None, :]
     if result.ndim != 3 or result.shape[2] != last or 0 in result.shape[:2]:
-        raise DataError(f"{name} has shape {np.shape(value)}: (steps, {last}) or (steps, tracks, {last})")
+        rule = f"(steps, {last}) or (steps, tracks, {last})" if last else "the model takes none, leave it out"
+        raise DataError(f"{name} has shape {shape}: {rule}")
     if np.isinf(result).any():
         raise DataError(f"{name} has an infinite number: numbers are finite, NaN a missed measurement")
     return result
