@@ -289,6 +289,21 @@ def test_formats_are_spelt(line, spec):
             '"measured"',
             "kind = 'measured' is unknown: valid are given, two_point, three_point, aff",
         ),
+        ("gain = 10", 'scale = "aut"', "[numerics] scale: 'aut' is unknown: did you mean 'auto'?"),
+        ("gain = 10", 'scale = "2^r"', "scale: the name 'r' is unknown: valid are q"),
+        (
+            "gain = 10",
+            'gain = { width = "q + 8.5", fraction = "r" }',
+            "gain: {'fraction': 'r', 'width': 9.0} is no",
+        ),
+        ("gain = 10", 'division = "radix8"', "line 20: [numerics] division = 'radix8': write \"radix2\""),
+        ("gain = 10", "signals = 5", "line 20: [numerics] signals = 5: write a format by name, such as"),
+        (
+            "gain = 10",
+            '[architecture]\ninterval = "bond"',
+            "interval: 'bond' is unknown: did you mean 'bound'?",
+        ),
+        ("gain = 10", '[architecture]\ninterval = "2 +"', "line 21: [architecture] interval: "),
         ("gain = 10", "headroom = 5", "headroom = 5: write a table, with its keys below [numerics.headroom]"),
         (
             "gain = 10",

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -18,7 +19,16 @@ from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.target import device as known_device
-from kalmanhdl.validation import VERILOG_WORDS, InvalidValueError, identifier_problem, nearest, shown
+from kalmanhdl.validation import (
+    VERILOG_WORDS,
+    InvalidValueError,
+    as_real,
+    as_tuple,
+    identifier_problem,
+    integer,
+    nearest,
+    shown,
+)
 
 if TYPE_CHECKING:
     from kalmanhdl.report.record import Record
@@ -51,15 +61,27 @@ class Streams(StrEnum):
     LANE = "lane"
 
 
+_LIMITS = MappingProxyType(
+    {
+        "interval": (1, MAX_INTERVAL),
+        "channels": (1, MAX_CHANNELS),
+        "multiplier_blocks": (0, MAX_BLOCKS),
+        "latency": (1, MAX_INTERVAL),
+        "lanes": (1, MAX_LANES),
+    }
+)
+_OPTIONAL = ("interval", "multiplier_blocks", "latency")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Architecture:
     """How fast a step follows another, for how many tracks, and on how many operators.
 
-    A step starts every ``interval`` clocks; None is the recurrence bound, the fastest one track allows, or
-    with ``units`` the least that was found. ``updates_per_second`` says the same of the clock that is aimed
-    at. ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks`` the most
-    multiplications that may use DSP blocks; None leaves both to the tool.
-    ``multiplier`` builds the others.
+    A step starts every ``interval`` clocks; None, or "bound", is the recurrence bound, the fastest one track
+    allows, or with ``units`` the least that was found. ``updates_per_second`` says the same of the clock that
+    is aimed at. ``channels`` tracks take turns. ``clock_mhz`` is the clock aimed at, ``multiplier_blocks``
+    the most multiplications that may use DSP blocks; None leaves both to the tool. ``multiplier`` builds the
+    others.
 
     ``units`` limits the operators of a kind, such as {"multiply": 4, "reciprocal": 1}; operations of a kind
     that is not named have an operator each. Without it, an interval of several clocks or a ``latency``, the
@@ -91,43 +113,27 @@ class Architecture:
     coefficients: Coefficients = Coefficients.FIXED
 
     def __post_init__(self) -> None:
-        if self.interval is not None:
-            _check_integer("architecture", "interval", self.interval, 1, MAX_INTERVAL)
-        _check_integer("architecture", "channels", self.channels, 1, MAX_CHANNELS)
-        if self.multiplier_blocks is not None:
-            _check_integer("architecture", "multiplier_blocks", self.multiplier_blocks, 0, MAX_BLOCKS)
-        try:
-            object.__setattr__(self, "multiplier", LogicProduct(self.multiplier))
-        except ValueError:
-            words = ", ".join(kind.value for kind in LogicProduct)
-            problem = f" = {shown(self.multiplier)}: one of {words}"
-            raise InvalidValueError("architecture", "multiplier", problem) from None
-        _check_integer("architecture", "lanes", self.lanes, 1, MAX_LANES)
-        object.__setattr__(self, "streams", Streams(_word("streams", self.streams, tuple(Streams))))
-        chosen = _word("coefficients", self.coefficients, tuple(Coefficients))
-        object.__setattr__(self, "coefficients", Coefficients(chosen))
-        clock = self.clock_mhz
-        is_number = isinstance(clock, int | float) and not isinstance(clock, bool)
-        if clock is not None and not (is_number and 0 < clock <= MAX_CLOCK_MHZ):
-            problem = f" = {shown(clock)}: a clock lies between 0 and {MAX_CLOCK_MHZ:.0f} MHz"
-            raise InvalidValueError("architecture", "clock_mhz", problem)
-        if self.latency is not None:
-            _check_integer("architecture", "latency", self.latency, 1, MAX_INTERVAL)
-        if self.units is not None:
-            _check_counts("units", self.units, MAX_BLOCKS)
-        if self.clocks is not None:
-            _check_counts("clocks", self.clocks, MAX_CLOCKS)
-        for kind in self.iterative:
-            if kind not in ITERATIVE:
-                problem = f" = {shown(kind)}: {nearest(str(kind), ITERATIVE)}"
-                raise InvalidValueError("architecture", "iterative", problem)
-            if not self.units or limit(kind, self.units) is None:
-                problem = f" = {shown(kind)}: how many there are is said by units: give it a count"
-                raise InvalidValueError("architecture", "iterative", problem)
-        object.__setattr__(self, "iterative", tuple(self.iterative))
+        if isinstance(self.interval, str) and self.interval == "bound":
+            object.__setattr__(self, "interval", None)
+        found: dict[str, object] = {
+            "multiplier": _multiplier(self.multiplier),
+            "streams": Streams(_word("streams", self.streams, tuple(Streams))),
+            "coefficients": Coefficients(_word("coefficients", self.coefficients, tuple(Coefficients))),
+            "clock_mhz": None if self.clock_mhz is None else _clock(self.clock_mhz),
+            "units": None if self.units is None else _counts("units", self.units, MAX_BLOCKS),
+            "clocks": None if self.clocks is None else _counts("clocks", self.clocks, MAX_CLOCKS),
+            "solver_seconds": _number("solver_seconds", self.solver_seconds, MAX_SOLVER_SECONDS),
+        }
+        for key, (low, high) in _LIMITS.items():
+            value = getattr(self, key)
+            if value is not None or key not in _OPTIONAL:
+                found[key] = integer("architecture", key, value, low, high)
+        for key, each in found.items():
+            object.__setattr__(self, key, each)
+        object.__setattr__(self, "iterative", _iterative(self.iterative, self.units))
         if self.updates_per_second is not None:
-            _check_rate(self.updates_per_second, self.interval)
-        _check_number("solver_seconds", self.solver_seconds, MAX_SOLVER_SECONDS)
+            rate = _rate(self.updates_per_second, self.interval)
+            object.__setattr__(self, "updates_per_second", rate)
 
     @property
     def shares_multipliers(self) -> bool:
@@ -139,6 +145,18 @@ class Architecture:
     def lanes_fed(self, interval: int) -> int:
         """How many lanes, with a step every ``interval`` clocks, streams of a step a clock keep busy."""
         return self.lanes if self.streams is Streams.LANE else min(self.lanes, interval)
+
+
+_PROCESSOR_LIMITS = MappingProxyType(
+    {
+        "size": (2, 16),
+        "width": (8, 32),
+        "fraction": (0, 32),
+        "multipliers": (0, 16**3),
+        "matrices": (2, 512),
+        "program_words": (2, 512),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,16 +178,14 @@ class Processor:
     program_words: int = 512
 
     def __post_init__(self) -> None:
-        if self.size is not None:
-            _check_integer("architecture", "size", self.size, 2, 16)
-        _check_integer("architecture", "width", self.width, 8, 32)
+        for key, (low, high) in _PROCESSOR_LIMITS.items():
+            value = getattr(self, key)
+            if value is not None or key in ("width", "matrices", "program_words"):
+                object.__setattr__(self, key, integer("architecture", key, value, low, high))
         if self.fraction is not None:
-            _check_integer("architecture", "fraction", self.fraction, 0, self.width)
-        if self.multipliers is not None:
-            _check_integer("architecture", "multipliers", self.multipliers, 0, 16**3)
+            integer("architecture", "fraction", self.fraction, 0, self.width)
         for key in ("matrices", "program_words"):
             value = getattr(self, key)
-            _check_integer("architecture", key, value, 2, 512)
             if value & (value - 1):
                 raise InvalidValueError("architecture", key, f" = {value}: a power of two from 2 to 512")
 
@@ -187,8 +203,8 @@ class Target:
     seeds: int = 4
 
     def __post_init__(self) -> None:
-        known_device(self.device, self.grade)
-        _check_integer("target", "seeds", self.seeds, 1, MAX_SEEDS)
+        object.__setattr__(self, "grade", known_device(self.device, self.grade).grade)
+        object.__setattr__(self, "seeds", integer("target", "seeds", self.seeds, 1, MAX_SEEDS))
 
 
 # Names that ports of the hardware begin with.
@@ -224,8 +240,8 @@ class Design:
             raise InvalidValueError("", "name", f": {problem}")
         for key, kinds in _PARTS.items():
             _check_part(key, getattr(self, key), kinds)
-        if not hasattr(self.model, "state_names"):
-            problem = f" = {shown(self.model)}: a model, as linear_model or constant_velocity make one"
+        if isinstance(self.model, type) or not all(hasattr(self.model, part) for part in _OF_MODELS):
+            problem = f" = {shown(self.model)}: a model, as linear_model makes one of a motion's F, Q and H"
             raise InvalidValueError("", "model", problem)
         object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
         # Says so where the algorithm does not suit the model.
@@ -301,13 +317,15 @@ class Design:
         from kalmanhdl.simulate.data import plots_from_arrays
 
         if verify_steps is not None:
-            _check_integer("", "verify_steps", verify_steps, 0, MAX_STEPS)
+            verify_steps = integer("", "verify_steps", verify_steps, 0, MAX_STEPS)
         if z is None and (u is not None or time is not None):
             raise DataError("u and time are given without z: they belong to measurements")
         plots = None if z is None else plots_from_arrays(z, self.model, u, time)
         return build(self, out, plots=plots, verify_steps=verify_steps, place=place, force=force)
 
 
+# What a motion has not, which is only a part of a model.
+_OF_MODELS = ("kind", "state_names", "measurement_names")
 _PARTS: dict[str, tuple[type, ...]] = {
     "numerics": (FixedSpecification, FloatSpecification),
     "architecture": (Architecture,),
@@ -331,42 +349,70 @@ def _algorithm(choice: object) -> Algorithm:
     return ALGORITHMS[choice]()
 
 
-def _check_integer(table: str, key: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise InvalidValueError(table, key, f" = {shown(value)}: an integer from {low} to {high}")
+def _multiplier(word: object) -> LogicProduct:
+    try:
+        return LogicProduct(word)
+    except ValueError:
+        words = ", ".join(kind.value for kind in LogicProduct)
+        raise InvalidValueError("architecture", "multiplier", f" = {shown(word)}: one of {words}") from None
 
 
-def _check_counts(key: str, counts: object, most: int) -> None:
+def _counts(key: str, counts: object, most: int) -> dict[str, int]:
     if not isinstance(counts, Mapping):
         problem = f" = {shown(counts)}: write a count for each kind, such as {{ multiply = 4 }}"
         raise InvalidValueError("architecture", key, problem)
-    for kind, count in counts.items():
-        if kind not in KINDS:
+    for kind in counts:
+        if not isinstance(kind, str) or kind not in KINDS:
             problem = f" is unknown: {nearest(str(kind), KINDS)}"
             raise InvalidValueError(f"architecture.{key}", str(kind), problem)
-        _check_integer(f"architecture.{key}", kind, count, 1, most)
+    return {kind: integer(f"architecture.{key}", kind, count, 1, most) for kind, count in counts.items()}
 
 
-def _word(key: str, word: str, words: tuple[str, ...]) -> str:
-    if word not in words:
+def _iterative(given: object, units: Mapping[str, int] | None) -> tuple[str, ...]:
+    kinds = as_tuple(given)
+    if kinds is None:
+        problem = f' = {shown(given)}: write a list of kinds, such as ["divide"]'
+        raise InvalidValueError("architecture", "iterative", problem)
+    for kind in kinds:
+        if not isinstance(kind, str) or kind not in ITERATIVE:
+            problem = f" = {shown(kind)}: {nearest(str(kind), ITERATIVE)}"
+            raise InvalidValueError("architecture", "iterative", problem)
+        if not units or limit(kind, units) is None:
+            problem = f" = {shown(kind)}: how many there are is said by units: give it a count"
+            raise InvalidValueError("architecture", "iterative", problem)
+    return tuple(map(str, kinds))
+
+
+def _word(key: str, word: object, words: tuple[str, ...]) -> str:
+    if not isinstance(word, str) or word not in words:
         raise InvalidValueError("architecture", key, f" = {shown(word)}: {nearest(str(word), words)}")
     return word
 
 
-def _check_number(key: str, value: float, high: float) -> None:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (is_number and 0 <= value <= high):
+def _clock(clock: object) -> float:
+    found = as_real(clock)
+    if found is None or not 0 < found <= MAX_CLOCK_MHZ:
+        problem = f" = {shown(clock)}: a clock lies between 0 and {MAX_CLOCK_MHZ:.0f} MHz"
+        raise InvalidValueError("architecture", "clock_mhz", problem)
+    return found
+
+
+def _number(key: str, value: object, high: float) -> float:
+    found = as_real(value)
+    if found is None or not 0 <= found <= high:
         raise InvalidValueError("architecture", key, f" = {shown(value)}: a number from 0 to {high:g}")
+    return found
 
 
-def _check_rate(rate: float, interval: int | None) -> None:
-    is_number = isinstance(rate, int | float) and not isinstance(rate, bool)
-    if not (is_number and 0 < rate <= MAX_CLOCK_MHZ * 1e6):
+def _rate(rate: object, interval: int | None) -> float:
+    found = as_real(rate)
+    if found is None or not 0 < found <= MAX_CLOCK_MHZ * 1e6:
         problem = f" = {shown(rate)}: a rate lies between 0 and {MAX_CLOCK_MHZ * 1e6:.0g} a second"
         raise InvalidValueError("architecture", "updates_per_second", problem)
     if interval is not None:
         problem = f" = {shown(rate)}: the interval of {interval} says the rate already: give one of the two"
         raise InvalidValueError("architecture", "updates_per_second", problem)
+    return found
 
 
 def _check_scales(numerics: FixedSpecification, n: int) -> None:

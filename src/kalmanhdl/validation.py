@@ -3,7 +3,10 @@
 import difflib
 import re
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
+from numbers import Integral, Real
+from operator import index
+from typing import Any
 
 from kalmanhdl.errors import DesignError, ModelError
 
@@ -46,8 +49,65 @@ class InvalidModelValueError(InvalidValueError, ModelError):
     """A value of the model is wrong."""
 
 
+def as_integer(value: object) -> int | None:
+    """The integer that a value is, NumPy's and floats without a fraction included; None for anything else."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return index(value)
+    number = as_real(value)
+    return int(number) if number is not None and number.is_integer() else None
+
+
+def as_real(value: object) -> float | None:
+    """The float that a number is, NumPy's included, infinite if it is too large; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
+
+
+def as_flag(value: object) -> bool | None:
+    """The truth that a value is, NumPy's included; None for anything else."""
+    if isinstance(value, bool):
+        return value
+    scalar: Any = value
+    is_truth = getattr(value, "ndim", None) == 0 and str(getattr(value, "dtype", "")) == "bool"
+    return bool(scalar) if is_truth else None
+
+
+def as_tuple(value: object) -> tuple[Any, ...] | None:
+    """The elements of a list, an array or the like in their order; None for anything else, texts too."""
+    if isinstance(value, str | bytes | Mapping | Set) or not isinstance(value, Iterable):
+        return None
+    try:
+        return tuple(value)
+    except TypeError:
+        # An array of no dimension says that it is iterable.
+        return None
+
+
+def integer(table: str, key: str, value: object, low: int, high: int) -> int:
+    """The integer of a key. Raises DesignError where it is none, or outside of its limits."""
+    found = as_integer(value)
+    if found is None or not low <= found <= high:
+        raise InvalidValueError(table, key, f" = {shown(value)}: an integer from {low} to {high}")
+    return found
+
+
+def flag(table: str, key: str, value: object) -> bool:
+    """The truth of a key. Raises DesignError where it is none."""
+    found = as_flag(value)
+    if found is None:
+        raise InvalidValueError(table, key, f" = {shown(value)}: true or false")
+    return found
+
+
 def shown(value: object) -> str:
     """A value in a message: short and on one line, whatever it is."""
+    if isinstance(value, Real | str) and (item := getattr(value, "item", None)):
+        # What is NumPy's reads like any other.
+        value = item()
     if isinstance(value, float):
         return f"{value:.6g}"
     brief = reprlib.Repr()
@@ -57,12 +117,18 @@ def shown(value: object) -> str:
     return " ".join(brief.repr(value).split())
 
 
+def close(word: str, valid: Iterable[str]) -> str | None:
+    """The valid word that a word resembles, or None."""
+    found = difflib.get_close_matches(word[:MAX_NAME_LENGTH], valid, n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
 def nearest(word: str, valid: Iterable[str]) -> str:
     """A hint that ends a message: the nearest valid word, or the first valid ones."""
     words = list(valid)
-    close = difflib.get_close_matches(word[:MAX_NAME_LENGTH], words, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean {close[0]!r}?"
+    meant = close(word, words)
+    if meant is not None:
+        return f"did you mean {meant!r}?"
     if len(words) == 1:
         return f"only {words[0]!r} is valid"
     rest = ", ..." if len(words) > MAX_HINTS else ""

@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any, Protocol
 
 from kalmanhdl.errors import FormatError
+from kalmanhdl.validation import as_flag, as_integer, shown
 
 
 class Rounding(Enum):
@@ -41,8 +42,20 @@ class Fixed:
     signed: bool = True
 
     def __post_init__(self) -> None:
+        if type(self.width) is not int or type(self.fraction) is not int or type(self.signed) is not bool:
+            self._settle()
         if self.width < 1:
             raise FormatError(f"fixed({self.width}, fraction={self.fraction}): a width is 1 bit or more")
+
+    def _settle(self) -> None:
+        """Make NumPy's numbers Python's, whose shifts never overflow."""
+        found = {key: as_integer(getattr(self, key)) for key in ("width", "fraction")}
+        found["signed"] = as_flag(self.signed)
+        for key, value in found.items():
+            if value is None:
+                rule = "true or false" if key == "signed" else "an integer"
+                raise FormatError(f"{key} = {shown(getattr(self, key))} of a fixed-point format: {rule}")
+            object.__setattr__(self, key, value)
 
     @property
     def lowest(self) -> int:

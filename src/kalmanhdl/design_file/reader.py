@@ -54,7 +54,7 @@ from kalmanhdl.model.singer import singer
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
 from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.model.varying import VaryingModel, varying_model
-from kalmanhdl.numerics.floating import FORMATS, FloatSpecification
+from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
 
@@ -85,10 +85,12 @@ def load(path: str | Path, constants: Mapping[str, float | str] | None = None) -
             has not.
     """
     name = shown(str(path))[1:-1]
+    if not isinstance(constants, Mapping | None):
+        raise DesignError(f'constants = {shown(constants)}: write numbers by name, such as {{"T": 1.5}}')
     try:
         with Path(path).open("rb") as file:
             content = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DesignError(f"{name}: cannot be read: {reason}") from None
     if len(content) > MAX_BYTES:
@@ -168,7 +170,7 @@ def _architecture(table: dict[str, Any], context: Context) -> tuple[Architecture
         return Architecture(), Processor(**checked.model_dump(exclude={"kind"}))
     asked = _checked(ArchitectureTable, table, "architecture", context)
     return Architecture(
-        interval=None if asked.interval == "bound" else asked.interval,
+        interval=asked.interval,
         channels=asked.channels,
         clock_mhz=asked.clock_mhz,
         multiplier_blocks=asked.multiplier_blocks,
@@ -194,7 +196,8 @@ def _constants(table: object, instead: Mapping[str, float | str]) -> dict[str, f
     for name in instead:
         if name not in table:
             there = f"its constants are {', '.join(map(str, table))}" if table else "it has no constants"
-            raise InvalidValueError("", f"constant {shown(name)[1:-1]}", f" is none of the design: {there}")
+            called = shown(name)[1:-1] if isinstance(name, str) else shown(name)
+            raise InvalidValueError("", f"constant {called}", f" is none of the design: {there}")
     entries: dict[str, float | str] = {}
     for name, value in {**table, **instead}.items():
         problem = identifier_problem(name)
@@ -379,7 +382,7 @@ def _algorithm(table: dict[str, Any], context: Context) -> Algorithm:
 def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification | FloatSpecification:
     checked = _of_kind(NUMERICS, {"kind": "fixed", **table}, "numerics", context)
     if isinstance(checked, FloatTable):
-        return _float(checked)
+        return FloatSpecification(**checked.model_dump(exclude={"kind"}))
     assert isinstance(checked, FixedTable)
     return FixedSpecification(
         width=checked.width,
@@ -393,31 +396,6 @@ def _numerics(table: dict[str, Any], context: Context) -> FixedSpecification | F
         functions=checked.functions,
         coast=checked.coast,
         headroom=checked.headroom,
-    )
-
-
-def _float(table: FloatTable) -> FloatSpecification:
-    exponent, mantissa = table.exponent, table.mantissa
-    if table.format is not None:
-        if table.format not in FORMATS:
-            hint = nearest(table.format, FORMATS)
-            raise InvalidValueError("numerics", "format", f" = {shown(table.format)} is unknown: {hint}")
-        if exponent is not None or mantissa is not None:
-            problem = f" = {shown(table.format)} has its exponent and mantissa: leave them out, or the word"
-            raise InvalidValueError("numerics", "format", problem)
-        exponent, mantissa = FORMATS[table.format]
-    for key, size in (("exponent", exponent), ("mantissa", mantissa)):
-        if size is None:
-            words = " or ".join(f'"{word}"' for word in FORMATS)
-            raise InvalidValueError("numerics", key, f" is missing: write it, or format = {words}")
-    assert exponent is not None
-    assert mantissa is not None
-    return FloatSpecification(
-        exponent=exponent,
-        mantissa=mantissa,
-        rounding=table.rounding,
-        subnormals=table.subnormals,
-        fused=table.fused,
     )
 
 

@@ -6,37 +6,34 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from kalmanhdl.algorithm import ALGORITHMS, Converted, Extended, Scheduled, Taylor
 from kalmanhdl.algorithm.converted import At as ConvertedAt
-from kalmanhdl.arithmetic.division import LongDivision
 from kalmanhdl.arithmetic.fixed import Overflow, Rounding
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design import SOLVER_SECONDS, Coefficients, Streams
 from kalmanhdl.design_file.values import (
     Axes,
-    Division,
     Entries,
     EntryMatrix,
     EntryRows,
-    Forms,
-    FormValue,
-    Functions,
     Inputs,
     Integer,
+    Interval,
     Matrix,
     Names,
     Noise,
     Number,
     Point,
     Scale,
-    Scales,
     Steps,
     Vector,
+    Written,
 )
 from kalmanhdl.model.conversion import Unbiasing
 from kalmanhdl.model.initial import At
 from kalmanhdl.model.motion import Discretisation, Order
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.model.nonlinear import NonlinearModel
-from kalmanhdl.numerics.specification import DEFAULT_WIDTH, Form
+from kalmanhdl.numerics.choices import AUTO
+from kalmanhdl.numerics.specification import DEFAULT_WIDTH
 
 
 class Table(BaseModel):
@@ -242,26 +239,26 @@ class FixedTable(Table):
     width: Integer = DEFAULT_WIDTH
     rounding: Rounding = Rounding.FLOOR
     overflow: Overflow = Overflow.SATURATE
-    state: FormValue | None = None
-    covariance: FormValue | None = None
-    gain: FormValue | None = None
-    measurement: FormValue | None = None
-    control: FormValue | None = None
-    innovation: FormValue | None = None
-    innovation_covariance: FormValue | None = None
-    reciprocal: FormValue | None = None
-    nis: FormValue | None = None
-    constant: FormValue | None = None
-    product: FormValue | None = None
-    scale: Scales = "auto"
-    covariance_scale: Scale = "auto"
-    division: Division = Field(default_factory=LongDivision)
-    functions: Functions = None
+    state: Written = None
+    covariance: Written = None
+    gain: Written = None
+    measurement: Written = None
+    control: Written = None
+    innovation: Written = None
+    innovation_covariance: Written = None
+    reciprocal: Written = None
+    nis: Written = None
+    constant: Written = None
+    product: Written = None
+    scale: Scale = AUTO
+    covariance_scale: Scale = AUTO
+    division: Written = "radix2"
+    functions: Written = AUTO
     coast: Integer = 5
-    signals: Forms = Field(default_factory=dict)
+    signals: Written = Field(default_factory=dict)
     headroom: dict[str, Integer] = Field(default_factory=dict)
 
-    def classes(self, names: tuple[str, ...]) -> dict[str, Form]:
+    def classes(self, names: tuple[str, ...]) -> dict[str, Any]:
         """The formats of the signal classes that the file gives."""
         given = {name: getattr(self, name) for name in names}
         return {name: form for name, form in given.items() if form is not None}
@@ -283,7 +280,7 @@ class ArchitectureTable(Table):
     """``kind = "datapath"``: hardware of the filter's own; how fast, and for how many tracks."""
 
     kind: Literal["datapath"] = "datapath"
-    interval: Integer | Literal["bound"] = "bound"
+    interval: Interval = "bound"
     channels: Integer = 1
     clock_mhz: Number | None = None
     multiplier_blocks: Integer | None = None

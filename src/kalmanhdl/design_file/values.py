@@ -1,21 +1,23 @@
-"""The values of design files: numbers and expressions, vectors, matrices, formats."""
+"""The values of design files: numbers and expressions, vectors, matrices, words that Python takes too."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, TypeVar
 
 from pydantic import PlainValidator, ValidationInfo
 
-from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
-from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import DesignError
 from kalmanhdl.model.expression import evaluate
 from kalmanhdl.model.inputs import RunTimeInput
-from kalmanhdl.numerics.functions.method import Cordic, FunctionMethod, Interpolation
-from kalmanhdl.numerics.specification import MAX_FRACTION, MAX_WIDTH, Form, parse_format
-from kalmanhdl.validation import nearest, shown
+from kalmanhdl.numerics.choices import AUTO, DIVISIONS, FUNCTIONS, parse_format
+from kalmanhdl.validation import as_real, close, shown
 
 MAX_SIZE = 64
+
+# A constant may have such a name, but is not meant where the word is.
+_WORDS = {*DIVISIONS, *FUNCTIONS}
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +34,9 @@ def number(value: object, constants: Mapping[str, float]) -> float:
             return evaluate(value, constants)
         except DesignError as error:
             raise ValueError(str(error)) from None
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    result = as_real(value)
+    if result is None:
         raise ValueError(f'{shown(value)} is no number: write 0.5 or an expression like "pi/90"')
-    try:
-        result = float(value)
-    except OverflowError:
-        raise ValueError(f"{shown(value)} is too large for a number") from None
     if not abs(result) < float("inf"):
         raise ValueError(f"{shown(value)} is not finite: write a finite number")
     return result
@@ -105,17 +104,29 @@ def _noise(value: Any, info: ValidationInfo) -> float | list[float]:
     return _vector(value, info) if isinstance(value, list) else _number(value, info)
 
 
-def _scale(value: Any, info: ValidationInfo) -> Literal["auto"] | float | tuple[float, ...]:
-    if value == "auto":
-        return "auto"
-    return tuple(_vector(value, info)) if isinstance(value, list) else _number(value, info)
+def _word_or(word: str, convert: Callable[[Any, ValidationInfo], _T]) -> Callable[..., _T | str]:
+    """A validator of what ``convert`` takes, or of a word."""
+
+    def converted(value: Any, info: ValidationInfo) -> _T | str:
+        if value == word:
+            return word
+        try:
+            return convert(value, info)
+        except ValueError as error:
+            if isinstance(value, str) and close(value, [word]):
+                raise ValueError(f"{shown(value)} is unknown: did you mean {word!r}?") from None
+            raise ValueError(f'{error}; or write "{word}"') from None
+
+    return converted
 
 
-def _scales(value: Any, info: ValidationInfo) -> Literal["auto"] | tuple[float, ...]:
-    scale = _scale(value, info)
-    if isinstance(scale, float):
-        raise ValueError(f'{shown(value)} is no list: write "auto" or one number a state')
-    return scale
+def _written(value: Any, info: ValidationInfo) -> Any:
+    """A choice as Python takes it: expressions worked out, words and all else as they stand."""
+    if isinstance(value, dict):
+        return {key: _written(each, info) for key, each in value.items()}
+    if not isinstance(value, str) or value in _WORDS or parse_format(value) is not None:
+        return value
+    return _worked_out(value, info)
 
 
 def _names(value: Any, info: ValidationInfo) -> list[str]:
@@ -128,70 +139,8 @@ def _axes(value: Any, info: ValidationInfo) -> int | list[str]:
     return _names(value, info) if isinstance(value, list) else _integer(value, info)
 
 
-def _form(value: Any, info: ValidationInfo) -> Form:
-    rule = 'write a width like 16, a format like "Q12.20", or { width = 20, fraction = 4, signed = true }'
-    if isinstance(value, dict):
-        unknown = [key for key in value if key not in ("width", "fraction", "signed")]
-        if unknown:
-            hint = nearest(unknown[0], ("width", "fraction", "signed"))
-            raise ValueError(f"{shown(unknown[0])} is no key of a format: {hint}")
-        signed = value.get("signed", True)
-        if "width" not in value or "fraction" not in value or not isinstance(signed, bool):
-            raise ValueError(f"{shown(value)} is no format: {rule}")
-        width, fraction = _integer(value["width"], info), _integer(value["fraction"], info)
-        if not 1 <= width <= MAX_WIDTH or abs(fraction) > MAX_FRACTION:
-            limits = f"a width is 1 to {MAX_WIDTH}, a fraction -{MAX_FRACTION} to {MAX_FRACTION}"
-            raise ValueError(f"{shown(value)} is no format: {limits}")
-        return Fixed(width=width, fraction=fraction, signed=signed)
-    if isinstance(value, str):
-        form = parse_format(value)
-        if form is not None:
-            return form
-    try:
-        return _integer(value, info)
-    except ValueError:
-        raise ValueError(f"{shown(value)} is no format: {rule}") from None
-
-
-def _forms(value: Any, info: ValidationInfo) -> dict[str, Form]:
-    if not isinstance(value, dict):
-        raise ValueError(f'{shown(value)} is no table: write [numerics.signals] and "P[0,0]" = 20')
-    if len(value) > 2 * MAX_SIZE**2:
-        raise ValueError(f"{len(value)} signals: at most {2 * MAX_SIZE**2}")
-    result = {}
-    for name, entry in value.items():
-        try:
-            result[name] = _form(entry, info)
-        except ValueError as error:
-            raise ValueError(f"{shown(name)}: {error}") from None
-    return result
-
-
-def _division(value: Any, info: ValidationInfo) -> DivisionMethod:
-    if value in ("radix2", "radix4"):
-        return LongDivision(radix=int(value[-1]))
-    if isinstance(value, dict) and "table" in value and set(value) <= {"table", "newton"}:
-        newton = _integer(value.get("newton", 0), info)
-        return TableNewton(index_bits=_integer(value["table"], info), iterations=newton)
-    raise ValueError(f'{shown(value)}: write "radix2", "radix4" or {{ table = 10, newton = 0 }}')
-
-
-def _functions(value: Any, info: ValidationInfo) -> FunctionMethod | None:
-    if value == "auto":
-        return None
-    if value == "cordic":
-        return Cordic()
-    if isinstance(value, dict) and set(value) == {"table"}:
-        return Interpolation(index_bits=_integer(value["table"], info))
-    raise ValueError(f'{shown(value)}: write "auto", "cordic" or {{ table = 8 }}')
-
-
 def _point(value: Any, info: ValidationInfo) -> str | list[list[float]]:
     return value if isinstance(value, str) else _matrix(value, info)
-
-
-def _steps(value: Any, info: ValidationInfo) -> Literal["auto"] | int:
-    return "auto" if value == "auto" else _integer(value, info)
 
 
 def _entries(value: Any, info: ValidationInfo) -> list[str | float]:
@@ -258,17 +207,14 @@ Integer = Annotated[int, PlainValidator(_integer)]
 Vector = Annotated[list[float], PlainValidator(_vector)]
 Matrix = Annotated[list[list[float]], PlainValidator(_matrix)]
 Noise = Annotated[float | list[float], PlainValidator(_noise)]
-Scale = Annotated[Literal["auto"] | float | tuple[float, ...], PlainValidator(_scale)]
-Scales = Annotated[Literal["auto"] | tuple[float, ...], PlainValidator(_scales)]
+Scale = Annotated[Any, PlainValidator(_word_or(AUTO, _noise))]
+Interval = Annotated[Any, PlainValidator(_word_or("bound", _integer))]
 Names = Annotated[list[str], PlainValidator(_names)]
 Axes = Annotated[int | list[str], PlainValidator(_axes)]
-FormValue = Annotated[Form, PlainValidator(_form)]
+Written = Annotated[Any, PlainValidator(_written)]
 Entries = Annotated[list[str | float], PlainValidator(_entries)]
 EntryRows = Annotated[list[list[str | float]], PlainValidator(_entry_rows)]
 EntryMatrix = Annotated[list[list[str | float]] | list[list[float]], PlainValidator(_entry_matrix)]
 Inputs = Annotated[list[RunTimeInput], PlainValidator(_inputs)]
-Forms = Annotated[dict[str, Form], PlainValidator(_forms)]
-Division = Annotated[DivisionMethod, PlainValidator(_division)]
-Functions = Annotated[FunctionMethod | None, PlainValidator(_functions)]
 Point = Annotated[str | list[list[float]], PlainValidator(_point)]
-Steps = Annotated[Literal["auto"] | int, PlainValidator(_steps)]
+Steps = Annotated[str | int, PlainValidator(_word_or(AUTO, _integer))]

@@ -22,9 +22,10 @@ from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.model.varying import VaryingModel
 from kalmanhdl.model.written import written
+from kalmanhdl.numerics.choices import Form
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
-from kalmanhdl.numerics.specification import FixedSpecification, Form
+from kalmanhdl.numerics.specification import FixedSpecification
 
 Array = NDArray[np.float64]
 Lines = list[str]

@@ -13,8 +13,9 @@ from kalmanhdl.design import Design
 from kalmanhdl.explore.format_engine import FormatEngine, Run, known_clamped
 from kalmanhdl.explore.program import Program, program_of
 from kalmanhdl.explore.tracks import Judged, drawn_plots, drive_of, judged, usual_steps
+from kalmanhdl.numerics.choices import Form
 from kalmanhdl.numerics.integers import in_reals
-from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification, Form
+from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.metrics import rmse
 from kalmanhdl.validation import InvalidValueError, nearest, shown

@@ -64,7 +64,8 @@ def reals(value: ArrayLike) -> Array:
     if raw.dtype.kind == "O" and any(isinstance(each, _NO_REALS) for each in raw.flat):
         raise TypeError
     result = np.array(raw, dtype=np.float64)
-    result[np.ma.getmaskarray(raw)] = np.nan
+    if isinstance(raw, np.ma.MaskedArray):
+        result[np.ma.getmaskarray(raw)] = np.nan
     return result
 
 

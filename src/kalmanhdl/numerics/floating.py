@@ -1,6 +1,6 @@
 """A step in floating point: what a design asks for, and the graph whose every operation rounds once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 
@@ -35,7 +35,7 @@ from kalmanhdl.numerics.float_functions import without_functions
 from kalmanhdl.numerics.ranges import cone
 from kalmanhdl.numerics.saturated import NAME, sticky
 from kalmanhdl.numerics.scaling import Scaling
-from kalmanhdl.validation import InvalidValueError, shown
+from kalmanhdl.validation import InvalidValueError, flag, integer, nearest, shown
 
 FORMATS = MappingProxyType({"half": (5, 10), "single": (8, 23), "double": (11, 52)})
 """The words for exponent and mantissa."""
@@ -45,6 +45,7 @@ FORMATS = MappingProxyType({"half": (5, 10), "single": (8, 23), "double": (11, 5
 class FloatSpecification:
     """Floating-point arithmetic as the user asks for it: one format for every number, rounded once by each
     operation; a number has a sign, ``exponent`` bits and ``mantissa`` bits, (8, 23) being single precision.
+    In place of both, ``format`` takes the word "half", "single" or "double".
 
     Without ``subnormals``, numbers below the least normal one count as zeros. ``fused``: a product that
     only one sum uses is not rounded on its own.
@@ -53,24 +54,20 @@ class FloatSpecification:
         DesignError: a size or a rounding that is not offered.
     """
 
-    exponent: int
-    mantissa: int
+    # Without a value only until it is checked whether the word for both is there.
+    exponent: int = None  # type: ignore[assignment]
+    mantissa: int = None  # type: ignore[assignment]
     rounding: Rounding = Rounding.HALF_EVEN
     subnormals: bool = True
     fused: bool = False
+    format: InitVar[str | None] = None
 
-    def __post_init__(self) -> None:
-        _check_size("exponent", self.exponent, EXPONENTS)
-        _check_size("mantissa", self.mantissa, MANTISSAS)
-        words = ", ".join(mode.value for mode in MODES)
-        if self.rounding not in [*MODES, *(mode.value for mode in MODES)]:
-            given = getattr(self.rounding, "value", self.rounding)
-            raise InvalidValueError("numerics", "rounding", f" = {shown(given)}: one of {words}")
-        object.__setattr__(self, "rounding", Rounding(self.rounding))
-        for key in ("subnormals", "fused"):
-            value = getattr(self, key)
-            if not isinstance(value, bool):
-                raise InvalidValueError("numerics", key, f" = {shown(value)}: true or false")
+    def __post_init__(self, format: str | None) -> None:
+        exponent, mantissa = _sizes(self.exponent, self.mantissa, format)
+        found = {"exponent": exponent, "mantissa": mantissa, "rounding": _rounding(self.rounding)}
+        found |= {key: flag("numerics", key, getattr(self, key)) for key in ("subnormals", "fused")}
+        for key, value in found.items():
+            object.__setattr__(self, key, value)
 
     @property
     def form(self) -> Float:
@@ -78,10 +75,35 @@ class FloatSpecification:
         return Float(self.exponent, self.mantissa, self.rounding, self.subnormals)
 
 
-def _check_size(key: str, value: object, sizes: range) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value not in sizes:
-        problem = f" = {shown(value)}: an integer from {sizes[0]} to {sizes[-1]}"
-        raise InvalidValueError("numerics", key, problem)
+def _sizes(exponent: object, mantissa: object, word: object) -> tuple[int, int]:
+    """The bits of exponent and mantissa, None where they are not given, or a word for both."""
+    both = {"exponent": exponent, "mantissa": mantissa}
+    given = {key for key, value in both.items() if value is not None}
+    if word is not None:
+        if not isinstance(word, str) or word not in FORMATS:
+            hint = nearest(str(word), FORMATS)
+            raise InvalidValueError("numerics", "format", f" = {shown(word)} is unknown: {hint}")
+        if given:
+            problem = f" = {shown(word)} has its exponent and mantissa: leave them out, or the word"
+            raise InvalidValueError("numerics", "format", problem)
+        return FORMATS[word]
+    for key in both:
+        if key not in given:
+            words = " or ".join(f'"{each}"' for each in FORMATS)
+            raise InvalidValueError("numerics", key, f" is missing: write it, or format = {words}")
+    return (
+        integer("numerics", "exponent", exponent, EXPONENTS[0], EXPONENTS[-1]),
+        integer("numerics", "mantissa", mantissa, MANTISSAS[0], MANTISSAS[-1]),
+    )
+
+
+def _rounding(word: object) -> Rounding:
+    for mode in MODES:
+        if word is mode or (isinstance(word, str) and word == mode.value):
+            return mode
+    given = word.value if isinstance(word, Rounding) else word
+    words = ", ".join(mode.value for mode in MODES)
+    raise InvalidValueError("numerics", "rounding", f" = {shown(given)}: one of {words}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

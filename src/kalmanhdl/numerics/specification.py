@@ -1,21 +1,25 @@
 """What a design asks of its number formats. The formats themselves are chosen from it later."""
 
-import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, TypeVar
 
-from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision, TableNewton
-from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
-from kalmanhdl.numerics.functions.method import Cordic, FunctionMethod, Interpolation
-from kalmanhdl.validation import InvalidValueError, nearest, shown
+from kalmanhdl.arithmetic.division import DivisionMethod, LongDivision
+from kalmanhdl.arithmetic.fixed import Overflow, Rounding
+from kalmanhdl.numerics.choices import (
+    Form,
+    as_division,
+    as_form,
+    as_functions,
+    as_scale,
+    as_scales,
+    as_width,
+)
+from kalmanhdl.numerics.functions.method import FunctionMethod
+from kalmanhdl.validation import InvalidValueError, integer, nearest, shown
 
-MAX_WIDTH = 1024
-MAX_FRACTION = 4096
-MAX_INDEX_BITS = 16
-MAX_FUNCTION_INDEX_BITS = 12
-MAX_ITERATIONS = 8
 MAX_COAST = 32
 MAX_HEADROOM = 64
 DEFAULT_WIDTH = 16
@@ -37,15 +41,11 @@ SIGNAL_CLASSES = (
 _OWN_WIDTH = MappingProxyType({"nis": 16, "constant": 18})
 
 SIGNAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,31}\[\d{1,4}(,\d{1,4}){0,2}\]\Z")
-_Q_FORMAT = re.compile(r"(U?)Q(-?\d{1,5})\.(-?\d{1,5})\Z")
-
-Form = int | Fixed
-"""A width, whose binary point the range analysis places, or a whole format."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedSpecification:
-    """Fixed-point arithmetic as the user asks for it.
+    """Fixed-point arithmetic as the user asks for it, in values or in the words of a design file.
 
     ``classes`` gives a format per signal class, ``signals`` per signal (``"P[0,1]"``), which goes first;
     ``width`` serves the classes not given. ``scale`` holds the real value of one unit of each state
@@ -77,32 +77,18 @@ class FixedSpecification:
     headroom: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_form("width", self.width)
-        object.__setattr__(self, "rounding", _mode("rounding", self.rounding, Rounding))
-        object.__setattr__(self, "overflow", _mode("overflow", self.overflow, Overflow))
-        for name, form in self.classes.items():
-            if name not in SIGNAL_CLASSES:
-                problem = f" is no signal class: {nearest(str(name), SIGNAL_CLASSES)}"
-                raise InvalidValueError("numerics", str(name), problem)
-            _check_form(name, form)
-        for name, form in self.signals.items():
-            if not SIGNAL.match(name):
-                problem = f'{shown(name)} is no signal: write it like "x[0]" or "P[0,1]"'
-                raise InvalidValueError("numerics.signals", "", problem)
-            _check_form(name, form, "numerics.signals")
-        _check_headroom(self.headroom)
-        _check_scale("scale", self.scale)
-        _check_scale("covariance_scale", self.covariance_scale)
-        _check_division(self.division)
-        _check_functions(self.functions)
-        if (
-            isinstance(self.coast, bool)
-            or not isinstance(self.coast, int)
-            or not 0 <= self.coast <= MAX_COAST
-        ):
-            raise InvalidValueError(
-                "numerics", "coast", f" = {shown(self.coast)}: an integer from 0 to {MAX_COAST}"
-            )
+        found = {
+            "rounding": _mode("rounding", self.rounding, Rounding),
+            "overflow": _mode("overflow", self.overflow, Overflow),
+            "classes": _formats("numerics", "classes", self.classes, _class_problem),
+            "signals": _formats("numerics.signals", "signals", self.signals, _signal_problem),
+            "headroom": _headroom(self.headroom),
+            "coast": integer("numerics", "coast", self.coast, 0, MAX_COAST),
+        }
+        for key, convert in _CONVERSIONS.items():
+            found[key] = _converted("numerics", key, getattr(self, key), convert)
+        for key, value in found.items():
+            object.__setattr__(self, key, value)
 
     def form(self, signal_class: str, signal: str | None = None) -> Form:
         """The format asked for: the signal's own, else its class's, else the default width."""
@@ -124,18 +110,8 @@ class FixedSpecification:
         return self.headroom.get(signal_class, 0)
 
 
-def parse_format(text: str) -> Fixed | None:
-    """``"Q12.20"``: 12 integer bits, sign included, and 20 fraction bits; ``"UQ12.20"`` is unsigned."""
-    match = _Q_FORMAT.match(text)
-    if match is None:
-        return None
-    integer, fraction = int(match[2]), int(match[3])
-    if not 1 <= integer + fraction <= MAX_WIDTH:
-        return None
-    return Fixed(width=integer + fraction, fraction=fraction, signed=not match[1])
-
-
 _Mode = TypeVar("_Mode", Rounding, Overflow)
+_Value = TypeVar("_Value")
 
 
 def _mode(key: str, value: object, modes: type[_Mode]) -> _Mode:
@@ -147,56 +123,59 @@ def _mode(key: str, value: object, modes: type[_Mode]) -> _Mode:
         raise InvalidValueError("numerics", key, f" = {shown(value)}: one of {words}") from None
 
 
-def _check_form(key: str, form: object, table: str = "numerics") -> None:
-    width = form.width if isinstance(form, Fixed) else form
-    if isinstance(width, bool) or not isinstance(width, int) or not 1 <= width <= MAX_WIDTH:
-        raise InvalidValueError(table, key, f" = {shown(form)}: a width is an integer from 1 to {MAX_WIDTH}")
-    if isinstance(form, Fixed) and abs(form.fraction) > MAX_FRACTION:
-        problem = f" = {form}: a fraction is an integer from -{MAX_FRACTION} to {MAX_FRACTION}"
-        raise InvalidValueError(table, key, problem)
+_CONVERSIONS: Mapping[str, Callable[[object], object]] = MappingProxyType(
+    {
+        "width": as_width,
+        "scale": as_scales,
+        "covariance_scale": as_scale,
+        "division": as_division,
+        "functions": as_functions,
+    }
+)
 
 
-def _check_headroom(headroom: dict[str, int]) -> None:
-    for name, bits in headroom.items():
-        if name not in SIGNAL_CLASSES and not SIGNAL.match(name):
+def _converted(table: str, key: str, value: object, convert: Callable[[object], _Value]) -> _Value:
+    try:
+        return convert(value)
+    except ValueError as error:
+        raise InvalidValueError(table, key, str(error)) from None
+
+
+def _formats(
+    table: str, key: str, given: object, problem: Callable[[object], InvalidValueError | None]
+) -> dict[str, Form]:
+    """A format by name, where ``problem`` says what is wrong with a name."""
+    if not isinstance(given, Mapping):
+        rule = 'write a format by name, such as {"P[0,0]": 20} or {"state": "Q12.20"}'
+        raise InvalidValueError("numerics", key, f" = {shown(given)}: {rule}")
+    for name in given:
+        found = problem(name)
+        if found is not None:
+            raise found
+    return {name: _converted(table, name, form, as_form) for name, form in given.items()}
+
+
+def _class_problem(name: object) -> InvalidValueError | None:
+    if isinstance(name, str) and name in SIGNAL_CLASSES:
+        return None
+    hint = nearest(str(name), SIGNAL_CLASSES)
+    called = shown(name)[1:-1] if isinstance(name, str) else shown(name)
+    return InvalidValueError("numerics", called, f" is no signal class: {hint}")
+
+
+def _signal_problem(name: object) -> InvalidValueError | None:
+    if isinstance(name, str) and SIGNAL.match(name):
+        return None
+    problem = f'{shown(name)} is no signal: write it like "x[0]" or "P[0,1]"'
+    return InvalidValueError("numerics.signals", "", problem)
+
+
+def _headroom(given: object) -> dict[str, int]:
+    if not isinstance(given, Mapping):
+        rule = 'write bits by name, such as {"gain": 1} or {"P[0,0]": 2}'
+        raise InvalidValueError("numerics", "headroom", f" = {shown(given)}: {rule}")
+    for name in given:
+        if _class_problem(name) is not None and _signal_problem(name) is not None:
             problem = f'{shown(name)} is neither a signal, such as "P[0,1]", nor a class of signals'
             raise InvalidValueError("numerics.headroom", "", problem)
-        if isinstance(bits, bool) or not isinstance(bits, int) or not 0 <= bits <= MAX_HEADROOM:
-            problem = f" = {shown(bits)}: an integer from 0 to {MAX_HEADROOM}"
-            raise InvalidValueError("numerics.headroom", name, problem)
-
-
-def _check_scale(key: str, scale: object) -> None:
-    if scale == "auto":
-        return
-    for number in scale if isinstance(scale, tuple) else (scale,):
-        if not isinstance(number, int | float) or not (math.isfinite(number) and number > 0):
-            problem = f' = {shown(number)}: a scale is a positive number, or "auto"'
-            raise InvalidValueError("numerics", key, problem)
-
-
-def _check_division(division: DivisionMethod) -> None:
-    if isinstance(division, LongDivision):
-        if division.radix not in (2, 4):
-            raise InvalidValueError("numerics", "division", f" radix {shown(division.radix)}: radix 2 or 4")
-        return
-    if not isinstance(division, TableNewton):
-        problem = f' = {shown(division)}: "radix2", "radix4" or {{ table = 10, newton = 0 }}'
-        raise InvalidValueError("numerics", "division", problem)
-    if not 1 <= division.index_bits <= MAX_INDEX_BITS:
-        problem = f" table = {shown(division.index_bits)}: an index has 1 to {MAX_INDEX_BITS} bits"
-        raise InvalidValueError("numerics", "division", problem)
-    if not 0 <= division.iterations <= MAX_ITERATIONS:
-        problem = f" newton = {shown(division.iterations)}: 0 to {MAX_ITERATIONS} iterations"
-        raise InvalidValueError("numerics", "division", problem)
-
-
-def _check_functions(functions: FunctionMethod | None) -> None:
-    if functions is None or isinstance(functions, Cordic):
-        return
-    if not isinstance(functions, Interpolation):
-        problem = f' = {shown(functions)}: "auto", "cordic" or {{ table = 8 }}'
-        raise InvalidValueError("numerics", "functions", problem)
-    if not 1 <= functions.index_bits <= MAX_FUNCTION_INDEX_BITS:
-        problem = f" table = {shown(functions.index_bits)}: an index has 1 to {MAX_FUNCTION_INDEX_BITS} bits"
-        raise InvalidValueError("numerics", "functions", problem)
+    return {name: integer("numerics.headroom", name, bits, 0, MAX_HEADROOM) for name, bits in given.items()}

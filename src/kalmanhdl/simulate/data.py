@@ -15,7 +15,7 @@ from kalmanhdl.errors import DataError
 from kalmanhdl.model.checks import reals
 from kalmanhdl.model.inputs import RunTimeInput, outside
 from kalmanhdl.model.model import Model
-from kalmanhdl.validation import nearest, shown
+from kalmanhdl.validation import close, nearest, shown
 
 Array = NDArray[np.float64]
 
@@ -364,9 +364,9 @@ def _required(table: _Table, column: str, kind: str, model: Model) -> Array:
     taken |= {f"truth_{state}" for state in model.state_names}
     if column not in table.columns:
         # A column that has a meaning of its own is not meant.
-        hint = nearest(column, (each for each in table.columns if each not in taken))
-        if not hint.startswith("did you mean"):
-            hint = f"there are {', '.join(shown(each)[1:-1] for each in islice(table.columns, 16))}"
+        meant = close(column, [each for each in table.columns if each not in taken])
+        there = ", ".join(shown(each)[1:-1] for each in islice(table.columns, 16))
+        hint = f"there are {there}" if meant is None else f"did you mean {meant!r}?"
         raise DataError(f"{table.name}: no column for the {kind} {column}: {hint}")
     return table.numbers(column)
 

@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 from kalmanhdl.target.device import Device
-from kalmanhdl.validation import InvalidValueError, shown
+from kalmanhdl.validation import InvalidValueError, as_integer, shown
 
 
 def device_names() -> tuple[str, ...]:
@@ -21,13 +21,14 @@ def device(name: str, grade: int) -> Device:
         raise InvalidValueError("target", "device", f" = {shown(name)} is unknown: there are {known}")
     facts = dict(_facts(name))
     grades = facts.pop("grade")
-    if isinstance(grade, bool) or not isinstance(grade, int) or str(grade) not in grades:
+    speed = as_integer(grade)
+    if speed is None or str(speed) not in grades:
         known = ", ".join(sorted(grades))
         problem = f" = {shown(grade)} is unknown: the speed grades of {name} are {known}"
         raise InvalidValueError("target", "grade", problem)
-    timing, areas = grades[str(grade)], facts.pop("area")
+    timing, areas = grades[str(speed)], facts.pop("area")
     return Device(
-        grade=grade,
+        grade=speed,
         pipelined_period_ns=float(timing["pipelined_period_ns"]),
         delays={kind: _table(rows) for kind, rows in timing["delays"].items()},
         areas={kind: _table(rows) for kind, rows in areas.items()},
