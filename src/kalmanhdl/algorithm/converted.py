@@ -44,7 +44,8 @@ class Converted(Algorithm):
 
     def __post_init__(self) -> None:
         for key, words in (("unbiasing", UNBIASINGS), ("at", ATS)):
-            if getattr(self, key) not in words:
+            word = getattr(self, key)
+            if not isinstance(word, str) or word not in words:
                 hint = ", ".join(f'"{word}"' for word in words)
                 problem = f" = {shown(getattr(self, key))}: write one of {hint}"
                 raise InvalidValueError("algorithm", key, problem)

@@ -15,6 +15,7 @@ from kalmanhdl.graph.signal import Array, named, select
 from kalmanhdl.math import wrap
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.nonlinear import NonlinearModel
+from kalmanhdl.validation import flag
 
 Numbers = NDArray[np.float64]
 
@@ -35,6 +36,9 @@ class Extended(Algorithm):
 
     kind: ClassVar[str] = "extended"
     joseph: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joseph", flag("algorithm", "joseph", self.joseph))
 
     def __call__(self, model: Model) -> Filter:
         """The filter of a nonlinear model."""
@@ -93,8 +97,8 @@ def _predict(model: NonlinearModel, memory: Memory, given: Given) -> Memory:
 def _innovation(model: NonlinearModel, x: Array, given: Given) -> Array:
     """z - h(x), an angle's to half a turn either side, zero where a component is missed."""
     y = _wrapped(given.z - model.observation(x), model.angles, model.units.measurement)
-    for j, flag in enumerate(given.valid):
-        y[j] = select(flag, y[j], 0.0)
+    for j, valid in enumerate(given.valid):
+        y[j] = select(valid, y[j], 0.0)
     return named("update: y", y)
 
 

@@ -16,7 +16,7 @@ from kalmanhdl.graph.signal import Array, Scalar, both, named, opposite, row, se
 from kalmanhdl.model.model import Array as Numbers
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning, shown
+from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning, as_integer, shown
 
 MAX_STEPS = 1023
 # "auto" ends where no entry of the gain is farther from the steady one than this part of its deviations.
@@ -49,11 +49,13 @@ class Scheduled(Algorithm):
     kind: ClassVar[str] = "scheduled"
 
     def __post_init__(self) -> None:
-        steps = self.steps
-        whole = isinstance(steps, int) and not isinstance(steps, bool) and 0 <= steps <= MAX_STEPS
-        if not whole and not (isinstance(steps, str) and steps == "auto"):
-            problem = f' = {shown(steps)}: "auto", or an integer from 0 to {MAX_STEPS}'
+        if isinstance(self.steps, str) and self.steps == "auto":
+            return
+        steps = as_integer(self.steps)
+        if steps is None or not 0 <= steps <= MAX_STEPS:
+            problem = f' = {shown(self.steps)}: "auto", or an integer from 0 to {MAX_STEPS}'
             raise InvalidValueError("algorithm", "steps", problem)
+        object.__setattr__(self, "steps", steps)
 
     def __call__(self, model: Model) -> Filter:
         """The filter of a linear model. Raises ModelError where the model has no steady state.

@@ -14,10 +14,18 @@ from kalmanhdl.algorithm.gain import Gain, normalised_innovation_squared
 from kalmanhdl.algorithm.joseph import joseph_covariance
 from kalmanhdl.graph.linear_algebra import blocks, symmetric
 from kalmanhdl.graph.signal import Array, Condition, both, named, select
+from kalmanhdl.model.checks import reals
 from kalmanhdl.model.model import Array as Numbers
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.validation import InvalidModelValueError, InvalidValueError, KalmanhdlWarning, nearest, shown
+from kalmanhdl.validation import (
+    InvalidModelValueError,
+    InvalidValueError,
+    KalmanhdlWarning,
+    integer,
+    nearest,
+    shown,
+)
 
 About = Literal["identity", "initial", "steady_state"]
 Point = tuple[tuple[float, ...], ...]
@@ -60,10 +68,7 @@ class Taylor(Algorithm):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "about", _point(self.about))
-        newton = self.newton
-        if isinstance(newton, bool) or not isinstance(newton, int) or not 0 <= newton <= MAX_NEWTON:
-            problem = f" = {shown(newton)}: an integer from 0 to {MAX_NEWTON}"
-            raise InvalidValueError("algorithm", "newton", problem)
+        object.__setattr__(self, "newton", integer("algorithm", "newton", self.newton, 0, MAX_NEWTON))
 
     def __call__(self, model: Model) -> Filter:
         """The filter of a linear model. Warns with KalmanhdlWarning where the expansion does not converge."""
@@ -251,8 +256,8 @@ def _point(about: object) -> About | Point:
         hint = nearest(about, POINTS)
         raise InvalidValueError("algorithm", "about", f" = {shown(about)} is unknown: {hint}")
     try:
-        return _rows(np.asarray(about, np.float64))
-    except (TypeError, ValueError):
+        return _rows(reals(about))  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
         problem = f" = {shown(about)}: write one of {', '.join(POINTS)}, or a covariance [[...], ...]"
         raise InvalidValueError("algorithm", "about", problem) from None
 

@@ -1,11 +1,20 @@
 """The checks a model passes once, when it is made."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kalmanhdl.validation import InvalidModelValueError, names_problem, shown
+from kalmanhdl.validation import (
+    InvalidModelValueError,
+    as_real,
+    as_tuple,
+    identifier_problem,
+    names_problem,
+    shown,
+)
 
 Array = NDArray[np.float64]
 
@@ -132,17 +141,47 @@ def covariance(key: str, matrix: Array, *, definite: bool) -> Array:
     return result
 
 
+def listed(key: str, value: object, what: str = "names") -> tuple[Any, ...]:
+    """The elements of a list. Raises ModelError where it is none."""
+    found = as_tuple(value)
+    if found is None:
+        raise fault(key, f" = {shown(value)}: give a list of {what}")
+    return found
+
+
+def rows(key: str, value: object) -> list[tuple[Any, ...]]:
+    """The rows of a matrix, of whatever entries. Raises ModelError where it is none."""
+    found = [as_tuple(row) for row in as_tuple(value) or ()]
+    if not found or None in found:
+        raise fault(key, f" = {shown(value)} is no matrix: give a list of rows, each a list")
+    return [row for row in found if row is not None]
+
+
+def constants(value: object) -> dict[str, float]:
+    """Numbers by name. Raises ModelError where something is none."""
+    if not isinstance(value, Mapping | None):
+        raise fault("constants", f' = {shown(value)}: give numbers by name, such as {{"T": 1.5}}')
+    found = {}
+    for name, entry in (value or {}).items():
+        number = as_real(entry)
+        problem = identifier_problem(name)
+        if problem is not None or number is None or not math.isfinite(number):
+            raise fault("constants", f": {problem or f'{name} = {shown(entry)} is no finite number'}")
+        found[name] = number
+    return found
+
+
 def names(key: str, value: Sequence[str] | None, count: int, letter: str) -> tuple[str, ...]:
     """``count`` distinct names; None gives ``x0, x1, ...``."""
     if value is None:
         return tuple(f"{letter}{i}" for i in range(count))
-    if isinstance(value, str) or len(value) != count:
-        number = "a string" if isinstance(value, str) else f"{len(value)} names"
-        raise fault(key, f" is {number}: give a list of {count}")
-    problem = names_problem(value)
+    given = listed(key, value)
+    if len(given) != count:
+        raise fault(key, f" is {len(given)} names: give a list of {count}")
+    problem = names_problem(given)
     if problem:
         raise fault(key, f": {problem}")
-    return tuple(value)
+    return tuple(map(str, given))
 
 
 def check_columns(measurements: Sequence[str], controls: Sequence[str]) -> None:
@@ -161,12 +200,13 @@ def units(value: Sequence[str] | None, count: int) -> tuple[str, ...]:
     """One unit a state; None leaves them empty."""
     if value is None:
         return ("",) * count
-    if isinstance(value, str) or len(value) != count:
+    given = as_tuple(value)
+    if given is None or len(given) != count:
         raise fault("unit", f" = {shown(value)}: give a list of {count}, one a state")
-    for unit in value:
+    for unit in given:
         if not isinstance(unit, str) or len(unit) > 16 or not unit.isprintable():
             raise fault("unit", f': {shown(unit)} is no unit: a short printable string such as "m/s"')
-    return tuple(value)
+    return tuple(map(str, given))
 
 
 def ranges(value: ArrayLike | None, count: int) -> Array | None:

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kalmanhdl.errors import ModelError
+from kalmanhdl.model.checks import reals
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import Initial, InitialRule, LinearModel, linear_model
-from kalmanhdl.validation import names_problem, shown
+from kalmanhdl.validation import as_real, names_problem, shown
 
 Array = NDArray[np.float64]
 
@@ -42,18 +43,18 @@ def from_filterpy(
             "matrices to linear_model"
         )
     parts = {name: getattr(kf, name) for name in _FILTERPY}
-    if getattr(kf, "alpha", 1.0) != 1.0:
-        raise ModelError(f"the filterpy filter fades its memory (alpha = {kf.alpha}): set alpha to 1")
-    if np.any(np.asarray(getattr(kf, "M", 0.0))):
+    if as_real(getattr(kf, "alpha", 1.0)) != 1.0:
+        raise ModelError(f"the filterpy filter fades its memory (alpha = {shown(kf.alpha)}): set alpha to 1")
+    if _numbers(kf, "M").any():
         raise ModelError("the filterpy filter has correlated noises (M is not 0): set M to 0")
-    B = getattr(kf, "B", None)
+    B = _numbers(kf, "B")
     return linear_model(
         parts["F"],
         parts["H"],
         parts["Q"],
         parts["R"],
-        B=None if B is None or np.ndim(B) < 2 or not np.any(B) else B,
-        initial=given(np.ravel(parts["x"]), parts["P"], at="before_first"),
+        B=B if B.ndim == 2 and B.any() else None,
+        initial=given(_numbers(kf, "x").ravel(), parts["P"], at="before_first"),
         state_names=state_names,
         state_units=state_units,
         measurement_names=measurement_names,
@@ -91,12 +92,13 @@ def from_state_space(
         raise ModelError(f"the system is continuous in time: {_DISCRETISE}")
     if not hasattr(system, "A") and callable(getattr(system, "to_ss", None)):
         system = system.to_ss()
-    A, B, C = (_attribute(system, name, "state-space system") for name in "ABC")
-    if np.any(np.asarray(getattr(system, "D", 0.0))):
+    A, C = (_attribute(system, name, "state-space system") for name in "AC")
+    if _numbers(system, "D").any():
         raise ModelError(
             "the system feeds controls through to its outputs (D is not 0): take them off before"
         )
-    B = np.asarray(B)
+    _attribute(system, "B", "state-space system")
+    B = _numbers(system, "B")
     return linear_model(
         A,
         C,
@@ -104,10 +106,12 @@ def from_state_space(
         R,
         B=B if B.any() else None,
         initial=initial,
-        state_names=state_names or _labels(system, "state_labels"),
+        state_names=_labels(system, "state_labels") if state_names is None else state_names,
         state_units=state_units,
-        measurement_names=measurement_names or _labels(system, "output_labels"),
-        control_names=control_names or (_labels(system, "input_labels") if B.any() else None),
+        measurement_names=_labels(system, "output_labels")
+        if measurement_names is None
+        else measurement_names,
+        control_names=_labels(system, "input_labels") if control_names is None and B.any() else control_names,
     )
 
 
@@ -124,12 +128,23 @@ def _called(value: Any) -> str:
     return shown(value) if plain else type(value).__name__
 
 
+def _numbers(source: Any, name: str) -> Array:
+    """An attribute in numbers, 0 where there is none. Raises ModelError where it is something else."""
+    value = getattr(source, name, None)
+    try:
+        return reals(0.0 if value is None else value)
+    except (TypeError, ValueError, OverflowError):
+        problem = f"{name} = {shown(value)} is no array of real numbers"
+        raise ModelError(f"{_called(source)}: {problem}") from None
+
+
 def _is_continuous(system: Any) -> bool:
     """scipy marks continuous systems by dt = None; control by dt = 0, and there None is undecided."""
     is_continuous = getattr(system, "isctime", None)
     if callable(is_continuous):
         return bool(is_continuous(strict=True))
-    return not getattr(system, "dt", None)
+    dt = getattr(system, "dt", None)
+    return dt is not True and not as_real(dt)
 
 
 def _labels(system: Any, attribute: str) -> list[str] | None:

@@ -22,6 +22,7 @@ from kalmanhdl.model.state_space import (
     Initial,
     InitialRule,
     LinearModel,
+    begun,
     checked_initial,
     linear_model,
 )
@@ -255,7 +256,9 @@ def converted_model(
         offset=offset,
         state_names=state_names,
         state_units=state_units,
-        measurement_names=measurement_names or MEASURED["polar" if m == 2 else "spherical"],
+        measurement_names=MEASURED["polar" if m == 2 else "spherical"]
+        if measurement_names is None
+        else measurement_names,
         control_names=control_names,
         measurement_range=measurement_range,
     )
@@ -287,9 +290,8 @@ def _variances(R: ArrayLike, m: int) -> tuple[float, ...]:
 
 
 def _start(moves: LinearModel, initial: Initial | InitialRule) -> Initial:
-    if isinstance(initial, Initial):
-        return initial
-    return initial(
+    return begun(
+        initial,
         Dynamics(
             F=moves.F,
             H=moves.H,
@@ -299,5 +301,5 @@ def _start(moves: LinearModel, initial: Initial | InitialRule) -> Initial:
             offset=moves.offset,
             measurement_offset=moves.measurement_offset,
             state_names=moves.state_names,
-        )
+        ),
     )

@@ -4,7 +4,7 @@ They come from strings, from SymPy expressions or from Python functions over ele
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +32,7 @@ from kalmanhdl.math import applied
 from kalmanhdl.model.checks import fault
 from kalmanhdl.model.expression import ExpressionError, formula
 from kalmanhdl.model.symbolic import text_of
-from kalmanhdl.validation import shown
+from kalmanhdl.validation import as_tuple, shown
 
 Function = Callable[..., Sequence[Any]]
 Given = Sequence[Any] | Function
@@ -116,10 +116,11 @@ def formulas(
 
 def texts(key: str, given: object) -> tuple[str, ...]:
     """The strings that a list of strings, numbers and SymPy expressions stands for. Raises ModelError."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
+    entries = as_tuple(given)
+    if entries is None:
         raise fault(key, f' = {shown(given)} is no list: write one such as ["x + T*v", "v"]')
     found = []
-    for place, entry in enumerate(given):
+    for place, entry in enumerate(entries):
         text = entry if isinstance(entry, str) else text_of(entry)
         if text is None:
             problem = f"[{place}] = {shown(entry)} is no formula: a string, a number or a SymPy expression"
@@ -131,7 +132,8 @@ def texts(key: str, given: object) -> tuple[str, ...]:
 def _called(key: str, function: Function, vectors: list[Array]) -> list[Any]:
     try:
         return list(function(*vectors))
-    except (TypeError, ValueError, AttributeError, IndexError, ZeroDivisionError) as error:
+    except Exception as error:
+        # Whatever the user's own function raises.
         remedy = "a function computes with + - * / and the functions of kalmanhdl.math on its elements"
         raise fault(key, f": the function fails on symbols ({error}): {remedy}") from None
 
@@ -158,7 +160,7 @@ def _index(builder: Builder, place: str, entry: object) -> int:
         return entry.index
     try:
         number = float(entry)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise fault(place, f" = {shown(entry)} is neither a number nor made of the variables") from None
     if not math.isfinite(number):
         raise fault(place, f" = {number} is not finite")

@@ -30,12 +30,12 @@ def given(x: ArrayLike, P: ArrayLike, *, at: At = "first") -> InitialRule:
         mean = checks.array("initial.x", x, (n,), f"x has {n} numbers, one a state")
         covariance = checks.array("initial.P", P, (n, n), f"P is {n} x {n}, as F")
         covariance = checks.covariance("initial.P", covariance, definite=False)
+        if not isinstance(at, str) or at not in ("first", "before_first"):
+            raise checks.fault("initial.at", f' = {shown(at)}: write "first" or "before_first"')
         if at == "before_first":
             with np.errstate(all="ignore"):
                 mean = dynamics.F @ mean + dynamics.offset
                 covariance = dynamics.F @ covariance @ dynamics.F.T + dynamics.Q
-        elif at != "first":
-            raise checks.fault("initial.at", f' = {shown(at)}: write "first" or "before_first"')
         return Initial(
             x=mean,
             from_measurement=np.zeros((n, m)),
@@ -92,7 +92,7 @@ def two_point(*, P: ArrayLike | None = None) -> InitialRule:
             x=x + 0.0,  # no negative zeros
             from_measurement=from_measurement,
             from_state=from_state,
-            P=covariance if P is None else np.asarray(P),
+            P=covariance if P is None else _given(P, n),
             points=2,
             before_update=False,
             from_noise=np.hstack([from_v2, from_v1]) if P is None else None,
@@ -143,13 +143,17 @@ def three_point(*, P: ArrayLike | None = None) -> InitialRule:
             x=x + 0.0,  # no negative zeros
             from_measurement=_floats(G3),
             from_state=_floats(G2 @ H + G1 @ L),
-            P=covariance if P is None else np.asarray(P),
+            P=covariance if P is None else _given(P, n),
             points=3,
             before_update=False,
             from_noise=_floats(G) if P is None else None,
         )
 
     return start
+
+
+def _given(P: ArrayLike, n: int) -> Array:
+    return checks.array("initial.P", P, (n, n), f"P is {n} x {n}, as F")
 
 
 def _fractions(matrix: Array) -> NDArray[np.object_]:

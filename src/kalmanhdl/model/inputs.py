@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kalmanhdl.model import checks
 from kalmanhdl.model.expression import RESERVED
 from kalmanhdl.model.formulas import Formulas, formulas
-from kalmanhdl.validation import InvalidModelValueError, shown
+from kalmanhdl.validation import InvalidModelValueError, as_flag, shown
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,10 @@ def checked_inputs(
     inputs: Sequence[RunTimeInput], taken: Sequence[str], constants: Mapping[str, float]
 ) -> tuple[RunTimeInput, ...]:
     """Inputs whose names and limits can be. Raises ModelError."""
+    inputs = checks.listed("inputs", inputs, "run-time inputs")
+    for each in inputs:
+        if not isinstance(each, RunTimeInput) or as_flag(each.from_time) is None:
+            raise checks.fault("inputs", f": {shown(each)} is none: give RunTimeInput(name=, low=, high=)")
     if len(inputs) > MAX_INPUTS:
         raise checks.fault("inputs", f" are {len(inputs)}: at most {MAX_INPUTS}")
     names = checks.names("inputs", [each.name for each in inputs], len(inputs), "u")
@@ -90,7 +94,7 @@ def matrix_formulas(
     constants: Mapping[str, float],
 ) -> Formulas:
     """A matrix whose entries are numbers or formulas in inputs and constants, over u. Raises ModelError."""
-    rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [] for row in given]
+    rows = checks.rows(key, given)
     if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
         raise checks.fault(key, f" is not {shape[0]} x {shape[1]}: give as many rows and columns")
     names = {"u": (*controls, *(each.name for each in inputs))}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.model.checks import fault
-from kalmanhdl.validation import names_problem, shown
+from kalmanhdl.validation import as_integer, as_real, as_tuple, names_problem, shown
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def _driven(
 
 def is_piecewise(discretisation: Discretisation) -> bool:
     """Whether the noise is constant over a period. Raises ModelError where that is no word for it."""
-    if discretisation not in DISCRETISATIONS:
+    if not isinstance(discretisation, str) or discretisation not in DISCRETISATIONS:
         raise fault("discretisation", f" = {shown(discretisation)}: write {_alternatives(DISCRETISATIONS)}")
     return discretisation == "piecewise"
 
@@ -134,7 +134,7 @@ def arranged(F: Array, Q: Array, labels: tuple[str, ...], order: Order) -> Motio
     Raises:
         ModelError: an order that is none.
     """
-    if order not in ORDERS:
+    if not isinstance(order, str) or order not in ORDERS:
         raise fault("order", f" = {shown(order)}: write {_alternatives(ORDERS)}")
     size = len(F) // len(labels)
     names = [label + suffix for label in labels for suffix in _SUFFIXES[:size]]
@@ -157,29 +157,34 @@ def _alternatives(words: Sequence[str]) -> str:
 def period(T: float) -> float:
     """A period T (s) that can be one. Raises ModelError."""
     # Its fifth power must stay finite.
-    if isinstance(T, bool) or not isinstance(T, int | float) or not 1e-30 < T < 1e30:
+    seconds = as_real(T)
+    if seconds is None or not 1e-30 < seconds < 1e30:
         raise fault("T", f" = {shown(T)}: a period is a positive number of seconds")
-    return float(T)
+    return seconds
 
 
 def axis_names(axes: int | Sequence[str]) -> tuple[str, ...]:
     """The names of the axes. Raises ModelError."""
-    if isinstance(axes, int) and not isinstance(axes, bool) and 1 <= axes <= len(DEFAULT_AXES):
-        return DEFAULT_AXES[:axes]
-    if isinstance(axes, list | tuple) and 1 <= len(axes) <= len(DEFAULT_AXES):
-        problem = names_problem(axes)
+    count, names = as_integer(axes), as_tuple(axes)
+    if count is not None and 1 <= count <= len(DEFAULT_AXES):
+        return DEFAULT_AXES[:count]
+    if names is not None and 1 <= len(names) <= len(DEFAULT_AXES):
+        problem = names_problem(names)
         if problem is None:
-            return tuple(axes)
+            return tuple(map(str, names))
         raise fault("axes", f": {problem}")
     raise fault("axes", f" = {shown(axes)}: a number from 1 to 3, or a list of one to three names")
 
 
 def noises(noise: float | Sequence[float], count: int) -> tuple[float, ...]:
     """One noise an axis. Raises ModelError."""
-    numbers = tuple(noise) if isinstance(noise, Sequence) else (noise,) * count
-    if len(numbers) != count:
-        raise fault("noise", f" has {len(numbers)} numbers: one, or one for each of the {count} axes")
-    for number in numbers:
-        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < math.inf:
-            raise fault("noise", f" = {shown(number)}: a finite number of 0 or more")
-    return tuple(map(float, numbers))
+    given = as_tuple(noise)
+    if given is None:
+        given = (noise,) * count
+    if len(given) != count:
+        raise fault("noise", f" has {len(given)} numbers: one, or one for each of the {count} axes")
+    numbers = tuple(map(as_real, given))
+    for number, each in zip(numbers, given, strict=True):
+        if number is None or not 0 <= number < math.inf:
+            raise fault("noise", f" = {shown(each)}: a finite number of 0 or more")
+    return tuple(number for number in numbers if number is not None)

@@ -13,6 +13,7 @@ from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Seen, root
 from kalmanhdl.model.state_space import Initial, LinearModel
 from kalmanhdl.model.units import Units
+from kalmanhdl.validation import shown
 
 Array = NDArray[np.float64]
 
@@ -175,11 +176,14 @@ def multiple_model(
         ModelError: fewer than two modes or more than 16, modes of different states, measurements or starts,
             probabilities that are none.
     """
-    modes = tuple(modes)
+    modes = checks.listed("modes", modes, "linear models")
     r = len(modes)
     if not 2 <= r <= MAX_MODES:
         raise checks.fault("modes", f" are {r}: 2 to {MAX_MODES} modes switch")
     first = modes[0]
+    for k, mode in enumerate(modes):
+        if not isinstance(mode, LinearModel):
+            raise checks.fault(f"modes[{k}]", f" = {shown(mode)}: a mode is a linear model")
     for k, mode in enumerate(modes):
         for key, mine, theirs in (
             ("states", first.state_names, mode.state_names),

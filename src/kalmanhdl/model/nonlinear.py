@@ -22,9 +22,9 @@ from kalmanhdl.model.inputs import (
     values,
 )
 from kalmanhdl.model.model import Seen, root
-from kalmanhdl.model.state_space import Dynamics, Initial, InitialRule, checked_initial
+from kalmanhdl.model.state_space import Dynamics, Initial, InitialRule, begun, checked_initial
 from kalmanhdl.model.units import Units, divided
-from kalmanhdl.validation import nearest, shown
+from kalmanhdl.validation import as_tuple, nearest, shown
 
 Array = NDArray[np.float64]
 
@@ -289,11 +289,14 @@ def nonlinear_model(
     Raises:
         ModelError: names, formulas, shapes, covariances, a start that cannot be.
     """
-    states = checks.names("state", _listed("state", state_names, checks.MAX_STATES), len(state_names), "x")
-    measured = _listed("measurement", measurement_names, checks.MAX_MEASUREMENTS)
-    measured = checks.names("measurement", measured, len(measured), "z")
-    controls = checks.names("control", control_names, len(control_names), "u")
-    constants = dict(constants or {})
+    states = _named("state", state_names, checks.MAX_STATES)
+    measured = _named("measurement", measurement_names, checks.MAX_MEASUREMENTS)
+    controls = checks.listed("control", control_names)
+    controls = checks.names("control", controls, len(controls), "u")
+    constants = checks.constants(constants)
+    f, h = _entries(f), _entries(h)
+    if isinstance(initial, Measured):
+        initial = replace(initial, x=_entries(initial.x))
     known = checked_inputs(inputs, (*states, *measured, *controls), constants)
     context = (controls, known, constants)
     controls = (*controls, *(each.name for each in known))
@@ -303,7 +306,7 @@ def nonlinear_model(
     moving = {"x": states, "u": controls}
     f_formulas = formulas("f", f, n, moving, constants)
     h_formulas = formulas("h", h, m, {"x": states}, constants)
-    varying_Q = _varying("Q", Q, n if G is None else len(Q), context, definite=False)
+    varying_Q = _varying("Q", Q, n if G is None else len(as_tuple(Q) or ()), context, definite=False)
     varying_R = _varying("R", R, m, context, definite=True)
     gain, Q = _noise(G, varying_Q.fixed, n, moving, constants, keep=varying_Q.formulas is not None)
     R = checks.array("R", varying_R.fixed, (m, m), f"R is {m} x {m}, a row a measurement")
@@ -364,7 +367,7 @@ def _varying(
     definite: bool,
 ) -> _Covariance:
     controls, known, constants = context
-    rows = [row for row in given if isinstance(row, list | tuple)] if isinstance(given, list | tuple) else []
+    rows = [as_tuple(row) or () for row in as_tuple(given) or ()]
     entries = [entry for row in rows for entry in row]
     if not known or not any(isinstance(entry, str) for entry in entries):
         return _Covariance(given)
@@ -373,10 +376,17 @@ def _varying(
     return _Covariance(next(values(key, found, u[None]))[1], found, entries)
 
 
-def _listed(key: str, names: Sequence[str], most: int) -> Sequence[str]:
-    if isinstance(names, str) or not 1 <= len(names) <= most:
+def _named(key: str, names: Sequence[str], most: int) -> tuple[str, ...]:
+    given = as_tuple(names)
+    if given is None or not 1 <= len(given) <= most:
         raise checks.fault(key, f" = {shown(names)}: a list of 1 to {most} names")
-    return names
+    return checks.names(key, given, len(given), "")
+
+
+def _entries(given: Given) -> Given:
+    """Formulas that are read more than once: a list for whatever yields them once."""
+    found = None if callable(given) else as_tuple(given)
+    return given if found is None else found
 
 
 def _check_names(
@@ -410,7 +420,7 @@ def _noise(
     G Q G'."""
     if G is None:
         return None, checks.array("Q", Q, (n, n), f"Q is {n} x {n}, a row a state")
-    table = [row if isinstance(row, list | tuple | np.ndarray) else () for row in G]
+    table = [as_tuple(row) or () for row in as_tuple(G) or ()]
     q = len(table[0]) if table else 0
     if len(table) != n or not q or any(len(row) != q for row in table):
         raise checks.fault("G", f" = {shown(G)}: G has {n} rows, one a state, each with one entry a noise")
@@ -438,7 +448,7 @@ def _initial(
             mean=mean, slope=mean.jacobian("z", m), P=checks.covariance("initial.P", P, definite=False)
         )
     else:
-        start = given if isinstance(given, Initial) else given(_unknown(states, m, p))
+        start = begun(given, _unknown(states, m, p))
         if not np.isfinite(start.x).all():
             problem = (
                 ' = "before_first": a nonlinear model has no such start: give the belief for the first row'
@@ -469,13 +479,14 @@ def _unknown(states: Sequence[str], m: int, p: int) -> Dynamics:
 
 def _angles(angles: Sequence[str], names: Sequence[str], others: Sequence[str]) -> frozenset[int]:
     known = {*names, *others}
-    for name in angles if not isinstance(angles, str) else [angles]:
-        if name not in known:
+    given = [angles] if isinstance(angles, str) else checks.listed("angles", angles)
+    for name in given:
+        if not isinstance(name, str) or name not in known:
             problem = (
                 f": {shown(name)} is neither a measurement nor a state: {nearest(str(name), sorted(known))}"
             )
             raise checks.fault("angles", problem)
-    return frozenset(place for place, name in enumerate(names) if name in angles)
+    return frozenset(place for place, name in enumerate(names) if name in given)
 
 
 def _texts(given: Mapping[str, Given], G: Any, gain: Formulas | None) -> Texts:

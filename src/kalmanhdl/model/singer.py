@@ -23,7 +23,7 @@ from kalmanhdl.model.motion import (
     noises,
     period,
 )
-from kalmanhdl.validation import shown
+from kalmanhdl.validation import as_real, shown
 
 Array = NDArray[np.float64]
 
@@ -90,6 +90,7 @@ def _rounded(matrix: list[list[Decimal]]) -> Array:
 
 
 def _time_constant(tau: float) -> float:
-    if isinstance(tau, bool) or not isinstance(tau, int | float) or not 1e-30 < tau < 1e30:
+    seconds = as_real(tau)
+    if seconds is None or not 1e-30 < seconds < 1e30:
         raise fault("tau", f" = {shown(tau)}: a time constant is a positive number of seconds")
-    return float(tau)
+    return seconds

@@ -7,6 +7,7 @@ z(k) = H x(k) + measurement_offset + v,  v ~ N(0, R)
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from inspect import signature
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from kalmanhdl.model import checks
 from kalmanhdl.model.inputs import RunTimeInput
 from kalmanhdl.model.model import Seen, driven, root
 from kalmanhdl.model.units import Units, divided
-from kalmanhdl.validation import KalmanhdlWarning
+from kalmanhdl.validation import KalmanhdlWarning, as_flag, as_integer, shown
 
 Array = NDArray[np.float64]
 
@@ -267,7 +268,7 @@ def linear_model(
     """
     dynamics = _dynamics(F, H, Q, R, B, offset, measurement_offset, state_names)
     n, m, p = len(dynamics.F), len(dynamics.H), dynamics.B.shape[1]
-    start = initial if isinstance(initial, Initial) else initial(dynamics)
+    start = begun(initial, dynamics)
     _warn_of_unobservable(dynamics)
     return LinearModel(
         **dynamics.shared,
@@ -336,7 +337,7 @@ def _checked(model: LinearModel) -> dict[str, Any]:
 
 
 def _control_matrix(B: ArrayLike | None, n: int) -> Array:
-    if B is None or np.shape(B) == (n, 0):
+    if B is None or (isinstance(B, np.ndarray) and B.shape == (n, 0)):
         empty = np.zeros((n, 0))
         empty.flags.writeable = False
         return empty
@@ -352,8 +353,25 @@ def _vector(key: str, value: ArrayLike | None, count: int, what: str) -> Array:
     return checks.array(key, value, (count,), f"{count} numbers, one a {what}")
 
 
+def begun(initial: Initial | InitialRule, dynamics: Dynamics) -> Initial:
+    """The start that is given, or that a rule makes. Raises ModelError where it is neither."""
+    if isinstance(initial, Initial):
+        return initial
+    rule = "give the result of given(x, P), two_point() or the like"
+    try:
+        signature(initial).bind(dynamics)
+    except (TypeError, ValueError):
+        raise checks.fault("initial", f" = {shown(initial)} is no start: {rule}") from None
+    found = initial(dynamics)
+    if not isinstance(found, Initial):
+        raise checks.fault("initial", f" makes {shown(found)}, which is no start: {rule}")
+    return found
+
+
 def checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
     """A start that suits n states, m measurements and p controls. Raises ModelError."""
+    if not isinstance(start, Initial):
+        raise checks.fault("initial", f" = {shown(start)} is no start: give an Initial")
     control, noise = start.from_control, start.from_noise
     P = checks.array("initial.P", start.P, (n, n), f"P is {n} x {n}, as F")
     return Initial(
@@ -364,7 +382,7 @@ def checked_initial(start: Initial, n: int, m: int, p: int) -> Initial:
         from_state=checks.array("initial.from_state", start.from_state, (n, n), f"from_state is {n} x {n}"),
         P=checks.covariance("initial.P", P, definite=False),
         points=_checked_points(start.points),
-        before_update=bool(start.before_update),
+        before_update=_checked_flag(start.before_update),
         from_control=None
         if control is None
         else checks.array("initial.from_control", control, (n, p), f"from_control is {n} x {p}"),
@@ -389,9 +407,17 @@ def _checked_noise(noise: Array, n: int, m: int) -> Array:
 
 
 def _checked_points(points: int) -> int:
-    if isinstance(points, bool) or not isinstance(points, int) or not 1 <= points <= 16:
-        raise checks.fault("initial.points", f" = {points!r}: an integer from 1 to 16")
-    return points
+    found = as_integer(points)
+    if found is None or not 1 <= found <= 16:
+        raise checks.fault("initial.points", f" = {shown(points)}: an integer from 1 to 16")
+    return found
+
+
+def _checked_flag(before_update: object) -> bool:
+    found = as_flag(before_update)
+    if found is None:
+        raise checks.fault("initial.before_update", f" = {shown(before_update)}: true or false")
+    return found
 
 
 def _warn_of_unobservable(dynamics: Dynamics) -> None:

@@ -24,7 +24,7 @@ from kalmanhdl.model.motion import (
     noises,
     period,
 )
-from kalmanhdl.validation import shown
+from kalmanhdl.validation import as_real, shown
 
 Array = NDArray[np.float64]
 
@@ -47,14 +47,15 @@ def coordinated_turn(
     Raises:
         ModelError: T, noise, axes or order that cannot be; more than half a turn in a period.
     """
-    T, angle = period(T), _angle(T, turn_rate)
+    T = period(T)
+    turn_rate = _rate(turn_rate, T)
     labels = axis_names(axes)
     if len(labels) != 2:
         raise fault("axes", f" are {len(labels)}: a turn is in a plane, so give two")
-    if angle == 0:
+    if turn_rate == 0:
         return constant_velocity(T=T, noise=noise, axes=axes, discretisation=discretisation, order=order)
     (q,) = noises(noise, 1)
-    with evaluation(abs(angle), 3):
+    with evaluation(abs(turn_rate * T), 3):
         rate, period_ = Decimal(turn_rate), Decimal(T)
         s, c = sine_and_cosine(rate * period_)
         F = np.array(_transition(rate, s, c), dtype=np.float64)
@@ -88,10 +89,10 @@ def _covariance(q: Decimal, T: Decimal, rate: Decimal, s: Decimal, c: Decimal) -
     ]
 
 
-def _angle(T: float, turn_rate: float) -> float:
-    if isinstance(turn_rate, bool) or not isinstance(turn_rate, int | float) or not math.isfinite(turn_rate):
+def _rate(turn_rate: object, T: float) -> float:
+    rate = as_real(turn_rate)
+    if rate is None or not math.isfinite(rate):
         raise fault("turn_rate", f" = {shown(turn_rate)}: a finite number of rad/s")
-    angle = float(turn_rate) * T
-    if abs(angle) > math.pi:
+    if abs(rate * T) > math.pi:
         raise fault("turn_rate", f" = {shown(turn_rate)}: at most half a turn in a period of {shown(T)} s")
-    return angle
+    return rate

@@ -34,6 +34,7 @@ from kalmanhdl.model.state_space import (
     Initial,
     InitialRule,
     LinearModel,
+    begun,
     checked_initial,
     linear_model,
 )
@@ -227,16 +228,17 @@ def varying_model(
             covariance somewhere within the limits; a start that rests on F or Q.
     """
     H = checks.array("H", H, (None, None), "H is m x n, a row a measurement")
-    (m, n), constants = H.shape, dict(constants or {})
+    (m, n), constants = H.shape, checks.constants(constants)
     states = checks.names("state", state_names, n, "x")
     measured = checks.names("measurement", measurement_names, m, "z")
-    controls = checks.names("control", control_names, len(control_names), "u")
+    controls = checks.listed("control", control_names)
+    controls = checks.names("control", controls, len(controls), "u")
     known = checked_inputs(inputs, (*states, *measured, *controls), constants)
     both = (*controls, *(each.name for each in known))
     checks.check_columns(measured, both)
     context = (controls, known, constants)
-    drive = np.zeros((n, 0)) if B is None else B
-    offsets = [0.0] * n if offset is None else list(offset)
+    drive = [()] * n if B is None else checks.rows("B", B)
+    offsets = [0.0] * n if offset is None else checks.listed("offset", offset, "numbers and formulas")
     # No formula names an input's own column of B: what it does stands in the other matrices.
     wide = [[*row, *[0.0] * len(known)] for row in drive]
     found = {
@@ -246,7 +248,10 @@ def varying_model(
         "Q": covariance_formulas("Q", Q, n, *context, definite=False),
         "R": covariance_formulas("R", R, m, *context, definite=True),
     }
-    linear = _Step(H, measurement_offset, states, measured, both, state_units, measurement_range)
+    rule = f"{m} numbers, one a measurement"
+    shift = np.zeros(m) if measurement_offset is None else measurement_offset
+    shift = checks.array("measurement_offset", shift, (m,), rule)
+    linear = _Step(H, shift, states, measured, both, state_units, measurement_range)
     start = _start(linear, found, initial, points(known, len(both)))
     return VaryingModel(
         F=found["F"],
@@ -276,7 +281,7 @@ class _Step:
     """What does not vary from step to step."""
 
     H: Array
-    measurement_offset: ArrayLike | None
+    measurement_offset: Array
     states: tuple[str, ...]
     measured: tuple[str, ...]
     controls: tuple[str, ...]
@@ -303,8 +308,6 @@ class _Step:
 
     def dynamics(self, at: Mapping[str, Array]) -> Dynamics:
         """What a rule makes a start of."""
-        given = self.measurement_offset
-        offset = np.zeros(len(self.measured)) if given is None else np.asarray(given, float)
         return Dynamics(
             F=at["F"],
             H=self.H,
@@ -312,7 +315,7 @@ class _Step:
             R=at["R"],
             B=at["B"],
             offset=at["offset"][0],
-            measurement_offset=offset,
+            measurement_offset=self.measurement_offset,
             state_names=self.states,
         )
 
@@ -324,9 +327,7 @@ def _at(found: Mapping[str, Formulas], u: Array) -> dict[str, Array]:
 def _start(step: _Step, found: Mapping[str, Formulas], given: Initial | InitialRule, us: Array) -> Initial:
     """A start that is the same whatever the inputs are, but for the R that it may rest on."""
     n, m, p = len(step.states), len(step.measured), len(step.controls)
-    if isinstance(given, Initial):
-        return checked_initial(given, n, m, p)
-    first, *others = [given(step.dynamics(_at(found, u))) for u in us]
+    first, *others = [begun(given, step.dynamics(_at(found, u))) for u in us]
     keys = ("x", "P", "from_measurement", "from_state", "from_control")
     for other in others:
         if not all(np.array_equal(getattr(first, key), getattr(other, key)) for key in keys):
