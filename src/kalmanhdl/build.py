@@ -194,12 +194,14 @@ def blamed_on(path: Path) -> Iterator[None]:
         raise ToolError(f"{path}: {line}") from None
 
 
-def planned_design(design: Design) -> tuple[Numbers | FloatNumbers, Plan]:
+def planned_design(design: Design, progress: Progress = silent) -> tuple[Numbers | FloatNumbers, Plan]:
     """The numbers and the schedule of a design, without its Verilog.
 
     Raises DesignError, FormatError, ScheduleError.
     """
+    progress("tracing the algorithm and choosing formats")
     typed = numbers_of(design)
+    progress("scheduling")
     return typed, planned(design, typed)
 
 

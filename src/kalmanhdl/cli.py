@@ -263,7 +263,8 @@ def show(
             raise typer.BadParameter("a program of the processor has no schedule", param_hint="--out")
         show_processor(chosen)
         return
-    typed, plan = planned_design(chosen)
+    with Progress() as progress:
+        typed, plan = planned_design(chosen, progress)
     if out is not None:
         _draw(chosen, plan, out, force=force)
     if graph:

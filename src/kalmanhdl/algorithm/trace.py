@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kalmanhdl.algorithm.filter import Filter, Given, Outcome, step
 from kalmanhdl.algorithm.memory import COUNTER, Kind, Memory
 from kalmanhdl.graph.builder import Builder, reachable
-from kalmanhdl.graph.operations import Flag, Graph, Input, State
+from kalmanhdl.graph.operations import Flag, Graph, Input, State, operands
 from kalmanhdl.graph.signal import Signal, is_zero
 from kalmanhdl.graph.simplify import simplified
 from kalmanhdl.model.model import Model
@@ -135,9 +135,9 @@ def components(graph: Graph) -> tuple[tuple[str, ...], ...]:
     """The decoupled parts of a filter: groups of outputs ``x[i]`` that never influence each other."""
     groups: list[set[str]] = []
     means = [(_MEAN + name, index) for name, index in graph.outputs if name.startswith("x[")]
+    names, read = _states_read(graph)
     for name, root in (*graph.states, *means):
-        seen = reachable(graph.operations, [root])
-        touched = {op.name for k in seen if isinstance(op := graph.operations[k], State)} | {name}
+        touched = {name} | {each for k, each in enumerate(names) if read[root] >> k & 1}
         touched = {name for name in touched if not name.startswith(f"{COUNTER}[")}
         joined = [group for group in groups if group & touched]
         groups = [group for group in groups if not group & touched]
@@ -146,6 +146,19 @@ def components(graph: Graph) -> tuple[tuple[str, ...], ...]:
         sorted((s.removeprefix(_MEAN) for s in group if s.startswith(_MEAN)), key=_number) for group in groups
     ]
     return tuple(sorted((tuple(group) for group in found if group), key=lambda group: _number(group[0])))
+
+
+def _states_read(graph: Graph) -> tuple[list[str], list[int]]:
+    """The states that are read, and for each operation a bit for each of them that it depends on."""
+    names = [op.name for op in graph.operations if isinstance(op, State)]
+    place = {name: 1 << k for k, name in enumerate(names)}
+    read: list[int] = []
+    for operation in graph.operations:
+        own = place[operation.name] if isinstance(operation, State) else 0
+        for k in operands(operation):
+            own |= read[k]
+        read.append(own)
+    return names, read
 
 
 # Tells an output from a state of the same name.

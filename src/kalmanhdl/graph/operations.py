@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from typing import get_args
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 
@@ -238,13 +239,15 @@ Number = (
 Boolean = Flag | StateFlag | Outside | NotFinite | Negative | And | Or | Not
 Operation = Number | Boolean
 
-_OPERANDS = ("flag", "a", "b")
+_OPERANDS = {
+    kind: tuple(f.name for f in fields(kind) if f.name in ("flag", "a", "b")) for kind in get_args(Operation)
+}
 _FLAGS = (Flag, StateFlag, Outside, NotFinite, Negative, And, Or, Not)
 
 
 def operands(operation: Operation) -> tuple[int, ...]:
     """The indices that an operation reads, in the order of its fields."""
-    return tuple(getattr(operation, f.name) for f in fields(operation) if f.name in _OPERANDS)
+    return tuple(getattr(operation, name) for name in _OPERANDS[type(operation)])
 
 
 def is_flag(operation: Operation) -> bool:

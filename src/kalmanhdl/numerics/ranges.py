@@ -8,7 +8,19 @@ from numpy.typing import NDArray
 
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.graph.evaluate import evaluate
-from kalmanhdl.graph.operations import And, Constant, Flag, Graph, Input, Not, Or, Select, State, operands
+from kalmanhdl.graph.operations import (
+    And,
+    Constant,
+    Flag,
+    Graph,
+    Input,
+    Not,
+    Or,
+    Select,
+    State,
+    is_flag,
+    operands,
+)
 from kalmanhdl.model import inputs
 from kalmanhdl.model.model import Model, within_turn
 
@@ -222,21 +234,30 @@ def _leaves(state: dict[str, Array], plots: Plots, k: int, initialise: bool) -> 
     return leaves | {"initialise": np.full(plots.z.shape[1], initialise)}
 
 
-def _widen(low: Array, high: Array, values: list[Any], relevant: NDArray[np.bool_], cone: set[int]) -> None:
+# Operations whose values are looked at together.
+_TOGETHER = 1024
+
+
+def _widen(
+    low: Array, high: Array, values: list[Any], relevant: NDArray[np.bool_], numbers: NDArray[np.int64]
+) -> None:
     if not relevant.any():
         return
-    for index in cone:
-        value = np.broadcast_to(np.asarray(values[index]), relevant.shape)[relevant]
-        if value.dtype != bool:
-            # A filter that loses its track may divide by zero; what it computes then asks for no format.
-            finite = value[np.isfinite(value)]
-            low[index] = min(low[index], finite.min(initial=np.inf))
-            high[index] = max(high[index], finite.max(initial=-np.inf))
+    for part in np.split(numbers, range(_TOGETHER, len(numbers), _TOGETHER)):
+        block = np.empty((len(part), len(relevant)))
+        for row, index in zip(block, part.tolist(), strict=True):
+            row[:] = values[index]
+        # A filter that loses its track may divide by zero; what it computes then asks for no format.
+        counts = np.isfinite(block) & relevant
+        low[part] = np.minimum(low[part], np.where(counts, block, np.inf).min(axis=1))
+        high[part] = np.maximum(high[part], np.where(counts, block, -np.inf).max(axis=1))
 
 
-def _cones(graph: Graph) -> tuple[set[int], set[int]]:
-    """What a step needs under ``initialise``, and what it needs otherwise."""
-    return cone(graph, initialise=True), cone(graph, initialise=False)
+def _cones(graph: Graph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The numbers that a step needs under ``initialise``, and those that it needs otherwise."""
+    starting, running = (cone(graph, initialise=each) for each in (True, False))
+    numbers = {k for k, operation in enumerate(graph.operations) if not is_flag(operation)}
+    return np.array(sorted(starting & numbers), np.int64), np.array(sorted(running & numbers), np.int64)
 
 
 def cone(graph: Graph, *, initialise: bool) -> set[int]:

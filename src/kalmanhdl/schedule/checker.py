@@ -1,7 +1,7 @@
 """Whether a plan keeps what plans promise. Shares nothing with the scheduler but the operator library.
 
-The scheduler works with times of all sources at once and Karp's means; the checker follows one source
-after the other and looks for loops that gain (Floyd 1962), so that a slip in one is seen by the other.
+The scheduler works with an operator's registers and last delay, and with Karp's means; the checker follows
+every stage of an operator and looks for loops that gain (Floyd 1962): a slip in one is seen by the other.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,6 +18,8 @@ from kalmanhdl.target.device import Device
 
 # A moment of a step: a cycle, and picoseconds after its clock edge.
 Moment = tuple[int, int]
+# Of a moment in one number: more than the picoseconds of any cycle.
+_CYCLE = 1 << 40
 
 
 def problems(plan: Plan, device: Device) -> list[str]:
@@ -227,12 +229,11 @@ def _edges(
     depths = _depths(library, tails, limit)
     parts = [operator.stages(depth) for operator, depth in zip(library, depths, strict=True)]
     before = list(map(operands, graph.operations))
-    for row, (name, _) in enumerate(graph.states):
-        if name in reads:
-            ends = _walk(parts, before, tails, limit, reads[name], delays[0])
-            for column, (_, root) in enumerate(graph.states):
-                if root in ends:
-                    edges[row, column] = ends[root] + 1 + plan.context_overhead
+    rows = [row for row, (name, _) in enumerate(graph.states) if name in reads]
+    sources = [reads[graph.states[row][0]] for row in rows]
+    ends = _walk(parts, before, tails, limit, sources, delays[0])
+    for column, (_, root) in enumerate(graph.states):
+        edges[rows, column] = np.where(ends[root] < 0, -np.inf, ends[root] + 1 + plan.context_overhead)
     return edges
 
 
@@ -254,18 +255,18 @@ def _walk(
     before: Sequence[Sequence[int]],
     tails: Sequence[int],
     limit: int,
-    source: int,
+    sources: Sequence[int],
     read: int,
-) -> dict[int, int]:
-    """The earliest end cycles of what depends on a state that is read in cycle 0."""
-    found: dict[int, Moment] = {source: (0, read)}
-    for index in range(source + 1, len(parts)):
-        ready = [found[k] for k in before[index] if k in found]
-        if not ready:
-            continue
-        cycle, offset = max(ready)
-        first, *rest = parts[index]
-        if offset > 0 and (rest or offset + first + tails[index] > limit):
-            cycle, offset = cycle + 1, 0
-        found[index] = (cycle + len(rest), rest[-1]) if rest else (cycle, offset + first)
-    return {index: cycle for index, (cycle, _) in found.items()}
+) -> list[npt.NDArray[np.int64]]:
+    """The earliest end cycle of every operation after each of ``sources`` is read in cycle 0; -1: no path."""
+    ends: list[npt.NDArray[np.int64]] = []
+    own = {source: np.where(np.arange(len(sources)) == k, read, -1) for k, source in enumerate(sources)}
+    nowhere = np.full(len(sources), -1)
+    for index, ((first, *rest), reads) in enumerate(zip(parts, before, strict=True)):
+        ready = np.max([ends[k] for k in reads], axis=0) if reads else nowhere
+        offset = ready % _CYCLE
+        late = (offset > 0) & (bool(rest) | (offset + first + tails[index] > limit))
+        begin = np.where(late, ready - offset + _CYCLE, ready)
+        end = begin - begin % _CYCLE + len(rest) * _CYCLE + rest[-1] if rest else begin + first
+        ends.append(np.where(ready < 0, own.get(index, -1), end))
+    return [end // _CYCLE for end in ends]
