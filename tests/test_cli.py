@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import kalmanhdl
 from kalmanhdl import build as building
 from kalmanhdl.cli import app
-from kalmanhdl.errors import ToolError
+from kalmanhdl.errors import ToolError, VerificationError
 
 INPUTS = Path(__file__).parent / "errors"
 DESIGN, DATA = str(INPUTS / "good.toml"), str(INPUTS / "good.csv")
@@ -180,6 +180,49 @@ def test_show_draws_nothing_else(tmp_path):
     assert "write a .png or .svg" in run("show", DESIGN, "--out", tmp_path / "x.docx").stderr
 
 
+LITTLE = """name = "little"
+[model]
+kind = "linear"
+F = [[1, 1], [0, 1]]
+H = [[1, 0]]
+Q = { diagonal = [1, 1] }
+R = { diagonal = [1] }
+[model.initial]
+kind = "given"
+x = [0, 0]
+P = { diagonal = [1, 1] }
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        (
+            "",
+            "[architecture]\nunits = { multiply = 1 }\ninterval = 1",
+            ", line 14: architecture.interval is 1",
+        ),
+        ("", "[architecture]\nlatency = 1", ", line 13: architecture.latency is 1"),
+        ("", "[architecture]\nupdates_per_second = 1", ", line 13: [architecture] updates_per_second = 1"),
+        ("Q = { diagonal = [1, 1] }", "Q = { diagonal = [1e300, 1e300] }", ", line 2: state x0 comes to"),
+    ],
+)
+def test_a_later_stage_names_the_design_file_and_the_line(tmp_path, before, after, message):
+    file = tmp_path / "little.toml"
+    file.write_text(LITTLE.replace(before, after) if before else LITTLE + after + "\n")
+    assert f"error: {file}{message}" in run("show", file).stderr
+
+
+def test_a_difference_of_the_verilog_names_the_design_file(tmp_path, monkeypatch):
+    def differs(*_, **__):
+        raise VerificationError("little: step 0 differs")
+
+    (tmp_path / "little.toml").write_text(LITTLE)
+    monkeypatch.setattr(building, "planned_design", differs)
+    done = run("show", tmp_path / "little.toml")
+    assert done.stderr.splitlines()[-1] == f"error: {tmp_path / 'little.toml'}: little: step 0 differs"
+
+
 def test_without_a_compiler_a_build_fails_before_the_work_and_says_what_helps(tmp_path, monkeypatch):
     def none():
         raise ToolError("no C++ compiler was found: install one")
@@ -249,7 +292,7 @@ def test_two_results_of_a_command_are_two_files(tmp_path):
 
 def test_a_defect_is_told_as_one(monkeypatch):
     monkeypatch.delenv("KALMANHDL_DEBUG", raising=False)
-    monkeypatch.setattr(building, "planned_design", lambda _: {}["gone"])
+    monkeypatch.setattr(building, "planned_design", lambda *_: {}["gone"])
     done = run("show", DESIGN)
     assert done.exit_code == 70
     assert done.stderr.startswith("error: a defect of kalmanhdl: KeyError: 'gone'")

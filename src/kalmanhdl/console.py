@@ -16,9 +16,9 @@ from typing import Any, ParamSpec, Self, TextIO
 
 import typer
 
-from kalmanhdl.errors import KalmanhdlError
+from kalmanhdl.errors import FormatError, KalmanhdlError, ScheduleError, VerificationError
 from kalmanhdl.interruption import INTERRUPTED, Interrupted
-from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning
+from kalmanhdl.validation import KalmanhdlWarning
 
 FAILED, DEFECT = 1, 70
 
@@ -35,10 +35,8 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
             command(*args, **kwargs)
         except (Interrupted, KeyboardInterrupt):
             _end("interrupted", INTERRUPTED)
-        except InvalidValueError as error:
-            _end(f"error: {_place(kwargs, error)}{error}", FAILED)
         except KalmanhdlError as error:
-            _end(f"error: {error}", FAILED)
+            _end(f"error: {_place(kwargs, error)}{error}", FAILED)
         except BrokenPipeError:
             # Whoever read the result has enough of it.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -59,15 +57,21 @@ def reported(command: Callable[_P, None]) -> Callable[_P, None]:
     return run
 
 
-def _place(arguments: Mapping[str, object], error: InvalidValueError) -> str:
+# What later stages than the reader of a design file find wrong with the design in their hands.
+_OF_THE_DESIGN = (FormatError, ScheduleError, VerificationError)
+
+
+def _place(arguments: Mapping[str, object], error: KalmanhdlError) -> str:
     """Where the design file of a command says what a later stage than its reader could not accept."""
     # Imports pydantic, which nobody else needs who asks for help.
     from kalmanhdl.design_file.lines import line_of
 
     path = arguments.get("design") or arguments.get("path")
-    if not isinstance(path, Path):
+    if not isinstance(path, Path) or not (error.key or error.table or isinstance(error, _OF_THE_DESIGN)):
         return ""
     file = path / "design.toml" if path.is_dir() else path
+    if not file.is_file():
+        return ""
     line = line_of(file.read_text(encoding="utf-8"), error.table, error.key)
     return f"{file}: " if line is None else f"{file}, line {line}: "
 

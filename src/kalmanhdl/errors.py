@@ -14,7 +14,14 @@ KalmanhdlError
 
 
 class KalmanhdlError(Exception):
-    """The root: catching it catches every error raised on purpose, and no defect."""
+    """The root: catching it catches every error raised on purpose, and no defect.
+
+    ``table`` and ``key`` of a design are what it is about, where one is known: a file can add the line.
+    """
+
+    def __init__(self, *message: object, table: str = "", key: str = "") -> None:
+        self.table, self.key = table, key
+        super().__init__(*message)
 
 
 class DesignError(KalmanhdlError):

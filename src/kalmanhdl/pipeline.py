@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from kalmanhdl.arithmetic.product_structure import LogicProduct
-from kalmanhdl.design import Architecture, Coefficients, Design
+from kalmanhdl.design import MAX_INTERVAL, Architecture, Coefficients, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
@@ -116,6 +116,13 @@ def wanted(architecture: Architecture, part: Device) -> Wanted:
         most = clock_mhz * architecture.lanes_fed(1)
         if interval < 1 or rate > most * 1e6:
             problem = f" = {rate:g}: a clock of {clock_mhz:.1f} MHz starts {most:.1f} million at most"
+            raise InvalidValueError("architecture", "updates_per_second", problem)
+        if interval > MAX_INTERVAL:
+            least = clock_mhz * 1e6 * architecture.lanes / MAX_INTERVAL
+            problem = (
+                f" = {rate:g}: an interval of {interval} clocks follows at {clock_mhz:.1f} MHz, and "
+                f"{MAX_INTERVAL} are the most: ask for {least:.6g} or more, or for a lower clock_mhz"
+            )
             raise InvalidValueError("architecture", "updates_per_second", problem)
     return Wanted(
         interval=interval,

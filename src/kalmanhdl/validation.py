@@ -41,8 +41,8 @@ class InvalidValueError(DesignError):
     """A value of a design is wrong. Carries the table and the key, so that a file can add the line."""
 
     def __init__(self, table: str, key: str, problem: str) -> None:
-        self.table, self.key, self.problem = table, key, problem
-        super().__init__(f"{f'[{table}] ' if table else ''}{key}{problem}")
+        self.problem = problem
+        super().__init__(f"{f'[{table}] ' if table else ''}{key}{problem}", table=table, key=key)
 
 
 class InvalidModelValueError(InvalidValueError, ModelError):

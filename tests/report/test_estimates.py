@@ -2,6 +2,9 @@
 
 import csv
 import io
+from dataclasses import replace
+
+import pytest
 
 from kalmanhdl.report.estimates import estimates_csv
 
@@ -27,3 +30,13 @@ def test_numbers_read_back_and_cells_without_estimate_are_empty(radar):
         assert float(row["exact_bearing_rate"]) == simulation.exact.x[step, track, 3]
         assert float(row["reference_var_range"]) == simulation.reference.P[step, track, 0, 0]
         assert float(row["nis"]) == simulation.exact.nis[step, track]
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\r\nb", 'a"b', "a,b", " a", "\u00e4"])
+def test_a_track_of_any_name_reads_back(radar, name):
+    simulation = radar.simulation
+    plots = replace(simulation.plots, tracks=(name, *simulation.plots.tracks[1:]))
+    text = estimates_csv(radar.hardware.design.model, replace(simulation, plots=plots))
+    rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    assert len(rows) == plots.active.sum()
+    assert {row["track"] for row in rows} == set(plots.tracks)

@@ -1,10 +1,12 @@
 """As few operators as an interval, a latency or a rate needs."""
 
+from dataclasses import replace
+
 import pytest
 from devices import PLAUSIBLE
 from graphs import alpha_beta
 
-from kalmanhdl.design import Architecture
+from kalmanhdl.design import MAX_INTERVAL, Architecture
 from kalmanhdl.errors import DesignError, ScheduleError
 from kalmanhdl.pipeline import wanted
 from kalmanhdl.schedule.checker import problems
@@ -39,3 +41,12 @@ def test_a_rate_is_an_interval_of_the_clock_that_is_aimed_at():
     assert wanted(Architecture(updates_per_second=3e6, clock_mhz=100.0), PLAUSIBLE).interval == 33
     with pytest.raises(DesignError, match="updates_per_second"):
         wanted(Architecture(updates_per_second=3e8, clock_mhz=100.0), PLAUSIBLE)
+
+
+def test_a_rate_asks_for_no_longer_interval_than_may_be_given():
+    least = 100e6 * 2 / MAX_INTERVAL
+    slowest = Architecture(updates_per_second=least, clock_mhz=100.0, lanes=2)
+    assert wanted(slowest, PLAUSIBLE).interval == MAX_INTERVAL
+    message = r"^\[architecture\] updates_per_second = 1: an interval of 200000000 clocks follows at"
+    with pytest.raises(DesignError, match=rf"{message} 100.0 MHz, and 65536 .*: ask for 3051.76 or more"):
+        wanted(replace(slowest, updates_per_second=1.0), PLAUSIBLE)

@@ -251,7 +251,7 @@ def _constant(form: Float, value: Fraction, place: str) -> Fraction:
     else:
         return form.real(raw)
     raise FormatError(f"{place}: the constant {float(value):.6g} is no number of {form}, which {limit}: "
-                      "use more bits for the exponent, or other units")  # fmt: skip
+                      "use more bits for the exponent, or other units", table="numerics")  # fmt: skip
 
 
 def _place(graph: Graph, index: int) -> str:

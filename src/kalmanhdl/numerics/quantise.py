@@ -419,7 +419,9 @@ class _Lowering:
             )
             raise FormatError(
                 f"{key}: {name} starts at {float(value):.6g} but {form} ends at {float(limit):.6g}: "
-                f"give [numerics.signals] {name} {remedy}, or a larger [numerics] scale"
+                f"give [numerics.signals] {name} {remedy}, or a larger [numerics] scale",
+                table=key[1:].partition("] ")[0],
+                key=key.partition("] ")[2],
             )
 
     def finished(

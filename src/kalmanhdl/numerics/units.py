@@ -58,7 +58,9 @@ def _check_converged(name: str, ranges: Ranges, root: int) -> None:
     reach = max(-ranges.low[root], ranges.high[root])
     if not reach < _DIVERGED:
         problem = f"state {name} comes to {reach:.1e} in floats on tracks drawn from the model"
-        raise FormatError(f"{problem}: the filter diverges; choose another algorithm, or mend the model")
+        raise FormatError(
+            f"{problem}: the filter diverges; choose another algorithm, or mend the model", table="model"
+        )
 
 
 def _unit(ranges: Ranges, root: int, specification: FixedSpecification) -> float:

@@ -41,5 +41,6 @@ def _columns(model: Model, simulation: Simulation) -> Iterator[tuple[str, Array]
 
 def _cell(text: str) -> str:
     line = io.StringIO()
-    csv.writer(line, lineterminator="").writerow([text])
-    return line.getvalue()
+    # A writer quotes line breaks of either kind only where its own lines end with both.
+    csv.writer(line, lineterminator="\r\n").writerow([text])
+    return line.getvalue().removesuffix("\r\n")

@@ -14,7 +14,7 @@ from kalmanhdl.schedule.operators import is_multiplier
 from kalmanhdl.schedule.placement import pace, step_of
 from kalmanhdl.schedule.sharing import sharing
 from kalmanhdl.schedule.solver import Effort
-from kalmanhdl.schedule.wanted import Wanted
+from kalmanhdl.schedule.wanted import Wanted, refused
 from kalmanhdl.target.device import Device
 
 FEW = ("multiply", "divide", "reciprocal")
@@ -81,16 +81,18 @@ def _on_given(task: Task, units: Mapping[str, int]) -> Allocation | None:
         return None
     found = attempt.fastest(latency) if interval is None else attempt.at(interval, latency)
     if found is not None and latency is not None and found.latency > latency:
-        raise ScheduleError(
-            f"architecture.latency is {latency}: with these units {found.latency} clocks were found, and "
-            f"{found.least_latency} are needed at least: allow more clocks or more operators"
+        raise refused(
+            "latency",
+            f" is {latency}: with these units {found.latency} clocks were found, and "
+            f"{found.least_latency} are needed at least: allow more clocks or more operators",
         )
     if found is None:
         listed = ", ".join(f"{count} {kind}" for kind, count in sorted(attempt.sharing.counts.items()))
-        raise ScheduleError(
-            f"architecture.interval is {interval}: no schedule on {listed} was found; the operators allow "
+        raise refused(
+            "interval",
+            f" is {interval}: no schedule on {listed} was found; the operators allow "
             f"{attempt.sharing.bound} at the least, the loop of the states "
-            f"{-(-attempt.recurrence_bound // attempt.channels)}: allow more operators or a longer interval"
+            f"{-(-attempt.recurrence_bound // attempt.channels)}: allow more operators or a longer interval",
         )
     return found
 
@@ -104,9 +106,10 @@ def _within_latency(task: Task, latency: int) -> Allocation | None:
     found = _fewest(task, solve)
     own = task.on({}).fastest()
     if found is None and own.latency > latency:
-        raise ScheduleError(
-            f"architecture.latency is {latency}: with an operator for every operation it is {own.latency} "
-            "clocks: allow more, or a lower clock_mhz"
+        raise refused(
+            "latency",
+            f" is {latency}: with an operator for every operation it is {own.latency} "
+            "clocks: allow more, or a lower clock_mhz",
         )
     return found
 

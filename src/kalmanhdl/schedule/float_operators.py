@@ -17,7 +17,6 @@ from kalmanhdl.arithmetic.float_structure import (
     wrapping,
 )
 from kalmanhdl.arithmetic.product_structure import limb_widths
-from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.kinds import kind_of as kind_of_unit
 from kalmanhdl.graph.kinds import limit
 from kalmanhdl.graph.operations import (
@@ -49,6 +48,7 @@ from kalmanhdl.graph.operations import (
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
+from kalmanhdl.schedule.wanted import refused
 from kalmanhdl.target.device import Device
 
 # Significands of fewer bits cost less in logic than the way to a block.
@@ -79,9 +79,8 @@ def asked(typed: FloatGraph | TypedGraph, index: int, made: Operator) -> Operato
     kind = kind_of_unit(typed.graph.operations[index], clocks)
     least = 0 if kind is None else limit(kind, clocks) or 0
     if least - 1 > made.capacity:
-        raise ScheduleError(
-            f"architecture.clocks.{kind} is {least}: in {typed.form} it takes {made.capacity + 1} clocks "
-            "at most"
+        raise refused(
+            f"clocks.{kind}", f" is {least}: in {typed.form} it takes {made.capacity + 1} clocks at most"
         )
     # The next operation takes the result in the clock after the last register.
     return replace(made, asked=max(least - 1, 0))

@@ -1,6 +1,5 @@
 """Modulo scheduling: one step laid out so that the next can be issued ``interval`` cycles later."""
 
-from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.allocation import Task, allocated
@@ -12,7 +11,7 @@ from kalmanhdl.schedule.operator import picoseconds
 from kalmanhdl.schedule.placement import Pace, Step, earliest, least_latency, pace, step_of, tight
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence
-from kalmanhdl.schedule.wanted import Wanted
+from kalmanhdl.schedule.wanted import Wanted, refused
 from kalmanhdl.target.device import Device
 
 
@@ -41,9 +40,10 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
     if interval is None:
         interval = -(-bound // channels)
     if bound > interval * channels and isinstance(typed, FloatGraph) and typed.clocks:
-        raise ScheduleError(
-            f"architecture.interval is {interval}: with architecture.clocks the loop of the states takes "
-            f"{bound} clocks: allow a longer interval, or leave the clocks to the tool"
+        raise refused(
+            "interval",
+            f" is {interval}: with architecture.clocks the loop of the states takes "
+            f"{bound} clocks: allow a longer interval, or leave the clocks to the tool",
         )
     chosen = deep if bound <= interval * channels else _shallower(step, deep, interval * channels)
     distance = bound if chosen is deep else recurrence(chosen).bound
@@ -93,13 +93,13 @@ def _plan(
 def _check(wanted: Wanted) -> None:
     interval, clock, blocks = wanted.interval, wanted.clock_mhz, wanted.multiplier_blocks
     if interval is not None and interval < 1:
-        raise ScheduleError(f"architecture.interval is {interval}: a step takes 1 cycle or more")
+        raise refused("interval", f" is {interval}: a step takes 1 cycle or more")
     if wanted.channels < 1:
-        raise ScheduleError(f"architecture.channels is {wanted.channels}: use 1 track or more")
+        raise refused("channels", f" is {wanted.channels}: use 1 track or more")
     if clock is not None and not 0 < clock < float("inf"):
-        raise ScheduleError(f"architecture.clock_mhz is {clock}: use a number of MHz above 0")
+        raise refused("clock_mhz", f" is {clock}: use a number of MHz above 0")
     if blocks is not None and blocks < 0:
-        raise ScheduleError(f"architecture.multiplier_blocks is {blocks}: use 0 blocks or more")
+        raise refused("multiplier_blocks", f" is {blocks}: use 0 blocks or more")
 
 
 def _shallower(step: Step, deep: Pace, distance: int) -> Pace:

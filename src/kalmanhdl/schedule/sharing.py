@@ -12,11 +12,11 @@ from kalmanhdl.arithmetic.division import LongDivision, TableNewton
 from kalmanhdl.arithmetic.division_structure import ONE, Operand, inner, long_structure
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.arithmetic.product_structure import serial_rows
-from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.kinds import ITERATIVE, KINDS, kind_of, limit
 from kalmanhdl.graph.operations import Add, Constant, Divide, Multiply, Reciprocal, Subtract, operands
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.schedule.wanted import refused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +82,7 @@ def sharing(
     """
     for kind in units:
         if kind not in KINDS:
-            raise ScheduleError(f"architecture.units.{kind} is unknown: kinds are {', '.join(KINDS)}")
+            raise refused(f"units.{kind}", f" is unknown: kinds are {', '.join(KINDS)}")
     apart = frozenset((*own, *_fused(typed)))
     found: dict[str, list[int]] = {}
     for index, operation in enumerate(typed.graph.operations):
@@ -93,7 +93,7 @@ def sharing(
     shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind] or kind in iterative}
     for kind, who in shared.items():
         if counts[kind] < 1:
-            raise ScheduleError(f"architecture.units.{kind} is {counts[kind]}: use 1 or more")
+            raise refused(f"units.{kind}", f" is {counts[kind]}: use 1 or more")
         _check_alike(typed, kind, who)
     return Sharing(
         counts={kind: min(counts[kind], len(who)) for kind, who in shared.items()},
@@ -105,14 +105,14 @@ def sharing(
 def _busy(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> int:
     """The cycles from the start of an iterative operator to the next."""
     if isinstance(typed, FloatGraph) or kind not in ITERATIVE:
-        raise ScheduleError(f"architecture.iterative: there is no iterative hardware for {kind} here")
+        raise refused("iterative", f": there is no iterative hardware for {kind} here")
     made = core(typed, kind, who)
     if kind == "multiply":
         a, b = (port.form for port in made.operands)
         return serial_rows(a.width, a.signed, b.width, b.signed) + 1
     if kind == "reciprocal" and isinstance(typed.division, TableNewton):
-        raise ScheduleError(
-            "architecture.iterative: reciprocals by a table are not iterative: use division radix2 or radix4"
+        raise refused(
+            "iterative", ": reciprocals by a table are not iterative: use division radix2 or radix4"
         )
     radix = typed.division.radix if isinstance(typed.division, LongDivision) else 2
     dividend, divisor = made.operands if len(made.operands) == 2 else (ONE, made.operands[0])
@@ -127,9 +127,10 @@ def _check_alike(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]
     method = typed.division
     digits = {method.fractions(_form(typed, index)) for index in who}
     if len(digits) > 1:
-        raise ScheduleError(
-            f"architecture.units.{kind}: {len(who)} reciprocals of {len(digits)} precisions cannot share: "
-            f"give their results one width, or allow {len(who)}"
+        raise refused(
+            f"units.{kind}",
+            f": {len(who)} reciprocals of {len(digits)} precisions cannot share: "
+            f"give their results one width, or allow {len(who)}",
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kalmanhdl.design import SOLVER_SECONDS
+from kalmanhdl.errors import ScheduleError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,3 +30,8 @@ class Wanted:
     latency: int | None = None
     iterative: tuple[str, ...] = ()
     solver_seconds: float = SOLVER_SECONDS
+
+
+def refused(key: str, problem: str) -> ScheduleError:
+    """The error that says why a key of [architecture] cannot be met."""
+    return ScheduleError(f"architecture.{key}{problem}", table="architecture", key=key)
