@@ -38,14 +38,14 @@ def accelerating() -> LinearModel:
     return linear_model(F, H, Q, 25.0 * np.eye(2), initial=three_point())
 
 
-def dense() -> LinearModel:
-    """Six states that all push each other, three measurements of all of them."""
+def dense(n: int) -> LinearModel:
+    """States that all push each other, three measurements of all of them."""
     random = np.random.default_rng(1)
-    F = random.standard_normal((6, 6))
+    F = random.standard_normal((n, n))
     F *= 0.9 / np.abs(np.linalg.eigvals(F)).max()
-    H, root = random.standard_normal((3, 6)), random.standard_normal((6, 6))
-    Q = root @ root.T / 6 + 0.2 * np.eye(6)
-    return linear_model(F, H, Q, np.eye(3), initial=given(np.zeros(6), 4.0 * np.eye(6)))
+    H, root = random.standard_normal((3, n)), random.standard_normal((n, n))
+    Q = root @ root.T / n + 0.2 * np.eye(n)
+    return linear_model(F, H, Q, np.eye(3), initial=given(np.zeros(n), 4.0 * np.eye(n)))
 
 
 def of(model: LinearModel, width: int, algorithm: object = "conventional", **units: int) -> Design:
@@ -77,7 +77,7 @@ CASES: dict[str, Callable[[], Design]] = {
     ),
     "6 states, 4 multiply": lambda: of(accelerating(), 18, multiply=4),
     "6 states, 2 multiply, 4 add": lambda: of(accelerating(), 18, multiply=2, add=4),
-    "6 dense states, 12 multiply": lambda: of(dense(), 18, multiply=12),
+    "6 dense states, 12 multiply": lambda: of(dense(6), 18, multiply=12),
 }
 
 
