@@ -4,7 +4,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kalmanhdl.errors import ToolError, VerificationError
-from kalmanhdl.toolchain.cxxrtl import build_library
+from kalmanhdl.toolchain.cxxrtl import _COPIES, _translated, build_library
 from kalmanhdl.toolchain.harness import Border, Stream
 from kalmanhdl.toolchain.simulation import Simulation, Stalls
 
@@ -131,3 +131,34 @@ def test_without_a_compiler_the_error_says_what_to_install(monkeypatch, tmp_path
     monkeypatch.setattr("kalmanhdl.toolchain.compiler.find_spec", lambda name: None)
     with pytest.raises(ToolError, match=r"no C\+\+ compiler .*install .*ziglang"):
         build_library(VERILOG, "top", BORDER)
+
+
+# A row of a divider: the divisor is added or subtracted as a sign says.
+ROW = """
+module top(input clk, input rst, input in_valid, output in_ready, input [69:0] in_a, in_b,
+  output out_valid, input out_ready, output [69:0] out_rest);
+  reg valid = 0; reg [69:0] a, b;
+  wire go = out_ready | ~valid;
+  assign in_ready = go, out_valid = valid, out_rest = a + (b ^ {COPIES});
+  always @(posedge clk) begin
+    if (go) begin valid <= in_valid; a <= in_a; b <= in_b; end
+    if (rst) valid <= 0;
+  end
+endmodule
+""".replace("COPIES", ", ".join(["~a[69]"] * 70))
+
+
+def test_a_bit_that_is_inverted_and_repeated_is_translated_short_and_right(own_cache):
+    wide = (("in_a", 70), ("in_b", 70))
+    border = Border(
+        source=Stream(valid="in_valid", ready="in_ready", payload=wide),
+        sink=Stream(valid="out_valid", ready="out_ready", payload=(("out_rest", 70),)),
+    )
+    assert _COPIES.search(_translated(ROW, "top"))
+    tokens = np.random.default_rng(1).integers(0, 2**64, (50, 4), np.uint64, endpoint=False)
+    tokens[:, 1::2] &= np.uint64(0x3F)
+    with Simulation(build_library(ROW, "top", border, optimised=False), border) as simulation:
+        seen = simulation.run(tokens, 50).outputs
+    for (a_low, a_high, b_low, b_high), (low, high) in zip(tokens.tolist(), seen.tolist(), strict=True):
+        a, b, ones = a_high << 64 | a_low, b_high << 64 | b_low, (1 << 70) - 1
+        assert high << 64 | low == (a + (b if a >> 69 else b ^ ones)) & ones

@@ -36,6 +36,9 @@ _FASTER = (
     # The runtime branches on a sign that it repeats, and processors guess half of all signs wrong.
     (re.compile(r"\.repeat<(\d+)>\(\)"), r".zext<\1>().neg()"),
 )
+# Of a bit inverted in place CXXRTL writes every copy out, each in a type of its own: for a divider's rows as
+# many as the square of its width.
+_COPIES = re.compile(r"(not_u<1>\([^()]*\(\)\.val\(\)\))((?:\.concat\(\1\))+)\.val\(\)")
 _NAME = re.compile(r"\bp_\w+")
 
 
@@ -72,11 +75,19 @@ def compile_simulator(
     compiler, included = find_compiler(), dict(further or {})
     shared, rewriting = (_beside(name) for name in ("harness.h", "histories.py"))
     flags = (*_OPTIONS, *(_FAST + _FAST_LARGE if optimised else _QUICKLY_MADE))
-    how = (version(YOSYS), *compiler.command, *flags, *_SPLIT, *map(repr, _FASTER), sys.platform)
+    how = (
+        version(YOSYS),
+        *compiler.command,
+        *flags,
+        *_SPLIT,
+        *map(repr, _FASTER),
+        _COPIES.pattern,
+        sys.platform,
+    )
     parts = (*how, verilog, top, ports, harness, shared, rewriting, *included.values())
 
     def make(folder: Path) -> None:
-        design = _translated(verilog, top)
+        design = _COPIES.sub(_repeated, _translated(verilog, top))
         if optimised:
             design = _faster(design, "".join((ports, *included.values())))
         with working_folder() as work:
@@ -105,6 +116,12 @@ def _translated(verilog: str, top: str) -> str:
     if found := latches.split():
         raise VerificationError(f"{top}: {found[0]} is a latch, where the hardware has registers only")
     return design
+
+
+def _repeated(copies: re.Match[str]) -> str:
+    """A bit as often as its copies stand there."""
+    bit, others = copies.groups()
+    return f"{bit}.zext<{1 + others.count(bit)}>().neg()"
 
 
 def _faster(design: str, ports: str) -> str:
