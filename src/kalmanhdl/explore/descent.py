@@ -31,12 +31,12 @@ _CONSTANT_STEP = 6
 _AROUND = range(-6, 9)
 
 
-def fit_ranges(evaluator: Evaluator) -> None:
-    """Bits above the binary point until no value lacks them at a width that has plenty."""
+def fit_ranges(evaluator: Evaluator, widths: Widths | None = None) -> None:
+    """Bits above the binary point until no value lacks them at widths that have plenty, or at those given."""
     program = evaluator.program
     for _ in range(_MOST_HEADROOM):
         names = {slot: v.name for v in evaluator.variables for slot in v.slots}
-        forms = evaluator.placed(evaluator.uniform(MOST_BITS))
+        forms = evaluator.placed(evaluator.uniform(MOST_BITS) if widths is None else widths)
         beyond = sum(
             case.engine.run(forms, evaluator.constant_width, case.drive).beyond
             for case in (evaluator.wide, *evaluator.cases)

@@ -57,6 +57,8 @@ _DESCENTS, _DRAWINGS = 3, 3
 # Bits that every signal gets beyond those of the search, which allows errors as much greater as such bits
 # make them smaller. What rounding adds is the same then, but where a filter breaks is so many bits away.
 _SPARE = 2
+# More bits than any lack of accuracy takes.
+_MANY = 8
 # How often other tracks are drawn where the float reference is outside of a band.
 _CHANCES = 4
 # Tracks on which a choice failed that join those of the search.
@@ -229,7 +231,7 @@ class _Search:
 
     def found(self) -> Found:
         """What is chosen, confirmed on tracks not seen."""
-        self._reach()
+        self._heights()
         for attempt in range(_ATTEMPTS):
             uniform = self._uniform()
             widths = self._spared(self._fewest(uniform, self._balanced(uniform)))
@@ -240,19 +242,14 @@ class _Search:
             self._mend(widths, trial)
         raise self._hopeless("tracks not seen")
 
-    def _reach(self) -> None:
+    def _heights(self) -> None:
         """Bits above the binary point, one more where every further drawing of tracks asks for them.
 
         What still grows with the number of tracks will grow with the tracks to come.
         """
         fit_ranges(self.evaluator)
-        grown = set[str]()
-        for _ in range(_DRAWINGS):
-            before = dict(self.evaluator.headroom)
-            self._draw()
-            fit_ranges(self.evaluator)
-            grown |= {name for name, bits in self.evaluator.headroom.items() if bits > before.get(name, 0)}
-        widen_ranges(self.evaluator, grown)
+        grown = sum(self._draw() for _ in range(_DRAWINGS))
+        widen_ranges(self.evaluator, {self.evaluator.variables[k].name for k in np.flatnonzero(grown)})
 
     def _uniform(self) -> int:
         """The best word length, which the widths of signals that are not yet known have as well."""
@@ -282,38 +279,50 @@ class _Search:
         for _ in range(_DESCENTS):
             way = descended(evaluator, widths, share, self.progress)
             way.append(exchanged(evaluator, way[-1], share, self.progress))
-            widths = way[-1]
-            self._draw()
+            shift = self._draw()
+            widths = way[-1] + shift
             found, worst = evaluator.widely(widths, _WORST)
             if found <= self.looser:
                 return widths
             self._complain(found)
-            before = evaluator.headroom_of
-            self._see(worst)
-            way = [each + evaluator.headroom_of - before for each in way]
+            shift = shift + self._see(worst)
+            way = [each + shift for each in way]
             # Widths at which the errors on the tracks that joined are small enough again.
             widths = way[_furthest(way, lambda each: evaluator.point(each).share <= share)]
-        while evaluator.widely(widths, 0)[0] > self.looser:
-            widths = widths + 1
-        return widths
+        return self._wider(widths, lambda each: evaluator.widely(each, 0)[0] <= self.looser)
 
     def _spared(self, widths: Widths) -> Widths:
         """Widths of the search with bits that keep them from where the filter breaks: all, or all but one.
 
         Of what could be taken back, so much is that the errors on many other tracks are as allowed too.
         """
-        evaluator, wider = self.evaluator, widths + _SPARE
-        self._draw()
-        while evaluator.point(wider).share > self.share or evaluator.widely(wider, 0)[0] > self.share:
-            wider = wider + 1
-        way = descended(evaluator, wider, self.share, self.progress, widths + _SPARE - 1)
-        return way[_furthest(way, lambda each: evaluator.widely(each, 0)[0] <= self.share)]
+        evaluator = self.evaluator
+        spared = widths + self._draw() + _SPARE
+
+        def holds(each: Widths) -> bool:
+            return evaluator.point(each).share <= self.share and evaluator.widely(each, 0)[0] <= self.share
+
+        wider = self._wider(spared, holds)
+        way = descended(evaluator, wider, self.share, self.progress, spared - 1)
+        return way[_furthest(way, holds)]
+
+    def _wider(self, widths: Widths, holds: Callable[[Widths], bool]) -> Widths:
+        """As many bits more everywhere as it takes to hold.
+
+        Where even many do not, values that narrower signals made greater lack bits above the binary point.
+        """
+        for _ in range(_ATTEMPTS):
+            for more in range(_MANY):
+                if holds(widths + more):
+                    return widths + more
+            widths = widths + self._reach(widths + _MANY)
+        raise self._hopeless("many tracks")
 
     def _held(self, choose: Callable[[], Widths]) -> Widths:
         """A choice that holds on many other tracks: those on which it does not join the tracks seen."""
         for _ in range(_ATTEMPTS):
-            widths = choose()
             self._draw()
+            widths = choose()
             share, worst = self.evaluator.widely(widths, _WORST)
             if share <= self.looser:
                 return widths
@@ -325,20 +334,26 @@ class _Search:
         by = f"{share:.0%} of what is allowed" if np.isfinite(share) else "values beyond their formats"
         self.progress(f"{by} on many other tracks: the worst join those seen")
 
-    def _draw(self) -> None:
-        """Many other tracks than before."""
+    def _draw(self) -> Widths:
+        """Many other tracks than before; the bits that each signal needs more for their ranges."""
         self.drawings += 1
         tracks = self.task.drawn(_WIDE * self.task.tracks, _WIDE_NUMBER + self.drawings)
         self.evaluator.wide = self.task.error_case(tracks)
+        return self._reach()
 
-    def _see(self, worst: Plots) -> None:
-        """Tracks join those on which candidates are run, and those that left their ranges give these."""
+    def _see(self, worst: Plots) -> Widths:
+        """Tracks join those on which candidates are run; the bits that each signal needs more for them."""
         self.drawn = joined(self.drawn, worst)
         self.evaluator.judge(_cases(self.task, self.drawn, self.chosen_by))
+        return self._reach()
+
+    def _reach(self, widths: Widths | None = None) -> Widths:
         before = self.evaluator.headroom_of
-        fit_ranges(self.evaluator)
+        fit_ranges(self.evaluator, widths)
+        more = self.evaluator.headroom_of - before
         if self.alone is not None:
-            self.alone = self.alone + (self.evaluator.headroom_of - before)
+            self.alone = self.alone + more
+        return more
 
     def _mend(self, widths: Widths, trial: "_Trial") -> None:
         """The tracks on which a choice failed are seen from now on, and others take their place."""

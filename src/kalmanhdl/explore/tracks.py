@@ -77,12 +77,12 @@ def usual_steps(model: Model) -> int:
 def drawn_plots(model: Model, coast: int, steps: int, tracks: int, seed: int) -> Plots:
     """Tracks drawn from the model; they end where they leave its ranges.
 
-    Every second one is slow enough to stay in them, where the model leaves that open; see ``ranges.paces``.
+    Every second one is slow enough to stay in them, where the model leaves that open: ``ranges.unhurried``.
     Plots are missed among them, at most ``coast`` in a row, or none with a coast of 0.
     """
     random = np.random.default_rng(seed)
-    slow = np.arange(tracks) % 2 == 1
-    found = ranges.drawn(model, random, steps, tracks, ranges.paces(model, steps, slow, seed))
+    slow = np.arange(tracks)[:, None] % 2 == 1
+    found = ranges.drawn(model, random, steps, tracks, np.where(slow, ranges.unhurried(model, steps), 1.0))
     there = ranges.missed_now_and_then(model, random, steps, tracks, coast)
     return Plots(
         tracks=tuple(map(str, range(tracks))),

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 STEPS, TRACKS, SEED = 64, 256, 1960
 # Half of the tracks miss nothing; of the rest half misses all it may, and half one component in five.
 _MISSED = 0.2
-# How often tracks that do not stay in their ranges are made slower, by a factor of four.
-_SLOWER = 12
+# How often tracks are made slower, by a factor of four, until so many of a few stay in their ranges.
+_SLOWER, _SAMPLE, _MOST = 12, 32, 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,10 +76,10 @@ def simulated(
     No component is missed more than ``coast`` times in a row, and in some tracks all are so often.
     A track counts for as long as its plots stay within the model's declared ranges. Controls, whose law
     the model does not know, are standard normal in the units of the model. ``slow`` ones stay in the ranges
-    where they can; see ``paces``.
+    where they can; see ``unhurried``.
     """
     random = np.random.default_rng(seed)
-    pace = paces(model, steps, np.full(tracks, slow), seed)
+    pace = unhurried(model, steps) if slow else 1.0
     drawn_tracks = drawn(model, random, steps, tracks, pace)
     return Plots(
         z=drawn_tracks.z,
@@ -142,22 +142,21 @@ def drawn(
     return Drawn(truth=truth, z=z, u=u, relevant=relevant)
 
 
-def paces(model: Model, steps: int, slow: NDArray[np.bool_], seed: int) -> Array:
-    """What the first states (tracks, n) are multiplied by, so that ``slow`` tracks stay in the ranges.
+def unhurried(model: Model, steps: int) -> Array:
+    """What first states (n,) are multiplied by so that most tracks stay in the ranges for so many steps.
 
     A start from noisy plots gives rates with errors so large that a target as fast as these is gone after
     a few steps, and how a settled filter computes is never seen. How good such a start is does
-    not depend on how fast the target is, so that the model leaves this open. For tracks of ``drawn`` with a
-    generator of the same seed.
+    not depend on how fast the target is, so that the model leaves this open.
     """
-    pace, free, before = np.ones((len(slow), model.n)), _free(model), -1
-    for _ in range(_SLOWER if free.any() and slow.any() else 0):
-        relevant = drawn(model, np.random.default_rng(seed), steps, len(slow), pace).relevant
-        fast, there = slow & ~relevant[-1], int(relevant.sum())
-        if not fast.any() or there <= before:
+    pace, free, before = np.ones(model.n), _free(model), -1
+    for _ in range(_SLOWER if free.any() else 0):
+        relevant = drawn(model, np.random.default_rng(SEED), steps, _SAMPLE, pace).relevant
+        there = int(relevant.sum())
+        if relevant[-1].mean() >= _MOST or there <= before:
             break
         before = there
-        pace[np.ix_(fast, free)] /= 4.0
+        pace[free] /= 4.0
     return pace
 
 
