@@ -2,9 +2,9 @@
 
     python benchmarks/one_track.py [--only WORD] [--seeds 1] [--show]
 
-Constant acceleration in the plane (6 states, 2 measurements), and models of which nothing is zero, of 6 and of
-9 states and 3 measurements, in words of 18 bits. Each is built, held against the engine, and placed on an
-ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is an estimate.
+Constant acceleration in the plane (6 states, 2 measurements), and models of which nothing is zero, of 6
+and of 9 states and 3 measurements, in words of 18 bits. Each is built, held against the engine, and placed
+on an ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is an estimate.
 """
 
 import argparse
@@ -48,9 +48,9 @@ def measure(name: str, design: Design, seeds: int, *, show: bool) -> None:
     bits = sum(run.bits for run in verify(hardware, STEPS))
     best = implement(hardware, lambda message: print(f"  {message}", file=sys.stderr)).best
     print(
-        f"  placed: {best.fmax_mhz:.1f} MHz (seed {best.seed}), {1000 * plan.interval / best.fmax_mhz:.1f} ns a "
-        f"step, {best.multipliers} multipliers, {best.luts} LUTs, {best.ffs} flip-flops; {bits} bits compared, "
-        "0 mismatches",
+        f"  placed: {best.fmax_mhz:.1f} MHz (seed {best.seed}), "
+        f"{1000 * plan.interval / best.fmax_mhz:.1f} ns a step, {best.multipliers} multipliers, "
+        f"{best.luts} LUTs, {best.ffs} flip-flops; {bits} bits compared, 0 mismatches",
         flush=True,
     )
 
