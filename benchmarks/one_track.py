@@ -2,9 +2,9 @@
 
     python benchmarks/one_track.py [--only WORD] [--seeds 1] [--show]
 
-Constant acceleration in the plane (6 states, 2 measurements), and models of which nothing is zero, of 6
-and of 9 states and 3 measurements, in words of 18 bits. Each is built, held against the engine, and placed
-on an ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is an estimate.
+Constant acceleration in the plane (6 states, 2 measurements, words of 16 bits), and models of which nothing
+is zero, of 6 and of 9 states and 3 measurements (18 bits). Each is built, held against the engine, and
+placed on an ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is an estimate.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from kalmanhdl.target import device
 STEPS = 1000
 
 CASES: dict[str, Callable[[], Design]] = {
-    "6 states, constant acceleration in the plane": lambda: of(accelerating(), 18),
+    "6 states, constant acceleration in the plane": lambda: of(accelerating(), 16),
     "6 dense states, 3 measurements": lambda: of(dense(6), 18, multiply=24, add=32),
     "9 dense states, 3 measurements": lambda: of(dense(9), 18, multiply=32, add=48),
 }
