@@ -114,7 +114,9 @@ def shown(value: object) -> str:
     brief.maxstring = brief.maxother = brief.maxlong = 60
     brief.maxlist = brief.maxdict = brief.maxtuple = 4
     brief.maxlevel = 2
-    return " ".join(brief.repr(value).split())
+    text = brief.repr(value)
+    # A string's blanks are what a user wrote; what others say of themselves may have several lines.
+    return text if isinstance(value, str) else " ".join(text.split())
 
 
 def close(word: str, valid: Iterable[str]) -> str | None:
