@@ -54,8 +54,11 @@ def test_a_machine_without_compiler_has_none(monkeypatch):
 @pytest.mark.parametrize(
     ("code", "problem"), [(0, r" ended well but wrote no library: .* CC"), (1, ": exit code 1")]
 )
-def test_a_compiler_of_the_environment_that_makes_nothing_is_named(monkeypatch, code, problem):
-    monkeypatch.setenv("CC", f"{sys.executable} -c 'raise SystemExit({code})'")
+def test_a_compiler_of_the_environment_that_makes_nothing_is_named(monkeypatch, tmp_path, code, problem):
+    # Messages cut long values short, and an interpreter's path is as long as its place makes it.
+    (tmp_path / "python").symlink_to(sys.executable)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setenv("CC", f"python -c 'raise SystemExit({code})'")
     command = find_compiler()
     assert command
     with pytest.raises(ToolError, match=rf"^C compiler \(CC = .*python.*\){problem}$"):
