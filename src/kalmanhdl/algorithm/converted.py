@@ -9,6 +9,7 @@ from kalmanhdl.algorithm.conventional import conventional_correction
 from kalmanhdl.algorithm.covariance import innovation, predict_covariance, predict_mean
 from kalmanhdl.algorithm.filter import Algorithm, Belief, Correction, Filter, Given, unsuited
 from kalmanhdl.algorithm.memory import Kept, Kind, Memory
+from kalmanhdl.graph.linear_algebra import symmetric
 from kalmanhdl.graph.signal import Array, both, named, negative, select
 from kalmanhdl.model.conversion import UNBIASINGS, Conversion, Unbiasing, conversion
 from kalmanhdl.model.converted import ConvertedModel
@@ -84,12 +85,12 @@ def _start(model: ConvertedModel, how: Conversion, memory: Memory, given: Given)
     else:
         # Nothing of the row is looked at.
         x, P = model.initial.mean(memory["x"], given.z, given.u), model.initial.P.astype(object)
-    return {"x": named("initialise: x", x), "P": named("initialise: P", P)}
+    return {"x": named("initialise: x", x), "P": named("initialise: P", symmetric(P))}
 
 
 def _update(model: ConvertedModel, how: Conversion, at: At, memory: Memory, given: Given) -> Correction:
     z = named("convert: z", model.converted(how, given.z))
-    R = named("convert: R", _covariance(model, how, at, memory, given.z))
+    R = named("convert: R", symmetric(_covariance(model, how, at, memory, given.z)))
     seen = given.valid[0]
     for flag in given.valid[1:]:
         seen = both(seen, flag)
