@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given as drawn
+from hypothesis import settings
+from hypothesis import strategies as st
 
 from kalmanhdl.algorithm import ALGORITHMS
-from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.model.initial import given
+from kalmanhdl.arithmetic.fixed import Fixed, Rounding
+from kalmanhdl.model.initial import given, two_point
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.integers import numbers
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -13,6 +16,35 @@ from kalmanhdl.proof.adversary import attack
 from kalmanhdl.proof.prove import BY_PATHS, BY_SEARCH, prove
 
 COAST = 2
+
+BEGUN = given([50, 0], np.diag([100, 4]))
+
+
+@st.composite
+def designs(draw):
+    """A model of a slow state and what it moves by, an algorithm and formats, from roomy to too narrow."""
+    decay, step = draw(st.floats(0.5, 1.0)), draw(st.floats(0.1, 1.0))
+    noise = draw(st.floats(0.05, 2.0))
+    two_points = draw(st.booleans())
+    model = linear_model(
+        [[draw(st.floats(0.8, 1.0)), step], [0, decay]],
+        [[1, 0]] if two_points else [[1, draw(st.floats(-0.5, 0.5))]],
+        np.diag([0.01 * noise, noise]),
+        [[draw(st.floats(0.2, 5.0))]],
+        initial=two_point() if two_points else BEGUN,
+        measurement_range=[sorted(draw(st.tuples(st.integers(-100, 0), st.integers(1, 100))))],
+    )
+    coast = draw(st.integers(0, 2))
+    state, product = draw(st.integers(8, 18)), draw(st.integers(10, 24))
+    numerics = FixedSpecification(
+        width=draw(st.integers(5, 8)),
+        classes={"state": Fixed(width=state, fraction=state - draw(st.integers(2, 5))), "product": product},
+        rounding=draw(st.sampled_from(Rounding)),
+        scale=(64.0, 64.0),
+        coast=coast,
+    )
+    kind = draw(st.sampled_from(["scheduled", "conventional", "joseph"]))
+    return model, ALGORITHMS[kind](), numerics
 
 
 def tank(limits=((0, 100),), decay=0.9):
@@ -22,7 +54,7 @@ def tank(limits=((0, 100),), decay=0.9):
         [[1, 0]],
         np.diag([0.01, 0.5]),
         [[1]],
-        initial=given([50, 0], np.diag([100, 4])),
+        initial=BEGUN,
         measurement_range=limits,
     )
 
@@ -91,3 +123,18 @@ def test_nothing_is_proven_of_states_that_inputs_can_drive_out_of_their_formats(
     beyond = {k for k, count in seen.violations.items() if count}
     assert beyond
     assert not beyond & set(proof.proven)
+
+
+@settings(max_examples=12, deadline=None)
+@drawn(designs(), st.integers(0, 2**32))
+def test_no_adversary_leaves_what_is_proven(design, seed):
+    model, algorithm, numerics = design
+    typed = numbers(model, algorithm, numerics).typed
+    proof = prove(model, typed, numerics.coast)
+    seen = attack(model, typed, proof, steps=300, tracks=24, seed=seed)
+    assert not [k for k in proof.proven if seen.violations[k]]
+    if set(proof.proven) == set(seen.violations):
+        for index, bound in proof.bounds.items():
+            if index in seen.extremes:
+                assert bound.low <= seen.extremes[index].low
+                assert seen.extremes[index].high <= bound.high
