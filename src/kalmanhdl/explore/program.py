@@ -146,8 +146,8 @@ class _Assembler:
         )
         ends = [root for _, _, root in states] + [root for _, root in outputs]
         starting, running = (_cone(self, ends, initialise) for initialise in (True, False))
-        estimates = [root for _, _, root in states]
-        needed = _reached(self, estimates)
+        estimates = [root for name, root in outputs if name.startswith("x[")]
+        needed = _reached(self, [root for _, _, root in states] + estimates)
         return Program(
             steps=tuple(self.steps),
             slots=tuple(self.slots),
