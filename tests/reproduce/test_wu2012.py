@@ -11,6 +11,7 @@ from kalmanhdl.algorithm import Converted
 from kalmanhdl.design import Design
 from kalmanhdl.graph.elements import elements, rows
 from kalmanhdl.model.conversion import conversion, measured
+from kalmanhdl.reproduce.uav import uav_model, uav_track
 from kalmanhdl.reproduce.wu2012 import denoise, figures, paper_model, paper_target, reproduction
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.data import read_plots
@@ -56,7 +57,10 @@ def test_single_precision_agrees_with_double():
     np.testing.assert_allclose(found.single.error, found.paper.error, rtol=0.02)
     handed = reproduction(found)
     assert {len(row) for row in handed.rows} == {len(handed.columns)}
-    assert set(handed.charts) == {"position", "error"}
+    assert set(handed.charts) == {"position", "error", "uav"}
+    assert found.uav_single.unbounded == 0
+    assert (found.uav_single.apart < found.uav.plot_error / 20).all()
+    assert (found.uav.error < found.uav.plot_error).all()
 
 
 @pytest.mark.slow
@@ -94,3 +98,11 @@ def test_the_uavs_table_is_what_its_script_makes():
     script = DESIGNS / "data" / "make_uav_radar.py"
     made = subprocess.run([sys.executable, script, "-"], check=True, capture_output=True).stdout
     assert made == table.read_bytes()
+
+
+def test_the_track_of_the_uav_is_that_of_the_design_file():
+    design, track = Design.load(DESIGNS / "uav_radar.toml"), uav_track()
+    assert_same(design.model, uav_model())
+    plots = read_plots(DESIGNS / "data" / "uav_radar.csv", design.model)
+    np.testing.assert_array_equal(plots.z, track.z)
+    np.testing.assert_array_equal(plots.truth[:, 0, :3], track.truth)

@@ -2,7 +2,8 @@
 
 Wu, Wang & Ji, Design and Realization of Short Range Defence Radar Target Tracking System Based on DSP/FPGA,
 2012. Section 5 gives the target, the noises and the filter; fig. 22 to 25 show it. How long it is
-followed is not said: here for 1500 frames, until it is at 208 m.
+followed is not said: here for 1500 frames, until it is at 208 m. Then the same filter follows a
+measured path.
 
 The formulas as printed hold but for these: in eq. 3 alpha_x stands in the last three rows (all three are
 equal); eq. 7, see ``model.conversion``; in eq. 14 the last row takes Xf7 for Xf8; step 8 of section 3.3
@@ -27,6 +28,7 @@ from kalmanhdl.pipeline import Progress, silent
 from kalmanhdl.report.chart import Chart, Line, Panel, Style
 from kalmanhdl.reproduce.facts import facts
 from kalmanhdl.reproduce.reproduction import Reproduction
+from kalmanhdl.reproduce.uav import UAV_NOISE, UAV_SETTLED, UAV_TAU_S, uav_model, uav_track
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.reference import reference
 
@@ -109,15 +111,21 @@ def denoise(
 
     ``target`` (steps, m) holds what would be measured without noise; the noise is that of the model.
     """
-    algorithm = algorithm or Converted()
     exact = np.asarray(target, dtype=np.float64)
-    steps, m = exact.shape
-    z, active = noisy(model, exact, tracks, seed), np.ones((steps, tracks), bool)
-    given = commands(model, z, active)
+    # Without noise there is no bias to take off.
+    truth = rows(conversion((0.0,) * exact.shape[1]).mean(elements(exact)), (len(exact),))
+    z = noisy(model, exact, tracks, seed)
+    return denoise_plots(model, z, truth, algorithm or Converted(), settled=settled)
+
+
+def denoise_plots(
+    model: ConvertedModel, z: Array, truth: Array, algorithm: Converted, *, settled: int
+) -> Denoising:
+    """The float reference on plots z (steps, tracks, m) of a path ``truth`` (steps, 3), in m."""
+    steps, tracks, _ = z.shape
+    given = commands(model, z, np.ones((steps, tracks), bool))
     found = reference(algorithm(model), given, z, np.zeros((steps, tracks, model.p)))
     H = model.positions.H
-    # Without noise there is no bias to take off.
-    truth = rows(conversion((0.0,) * m).mean(elements(exact)), (steps,))
     plots = rows(conversion(model.variances).mean(elements(z)), (steps, tracks))
     begun = started(model, given)[..., None]
     estimates = np.where(begun, found.x @ H.T, np.nan)
@@ -150,11 +158,14 @@ class Single:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Figures:
-    """The paper's filter, the same with R at the better of two places, and in single precision."""
+    """The paper's filter, the same with R at the better of two places, and in single precision; and the
+    paper's filter on the measured path of a UAV, ``uav``, in double and in single precision."""
 
     paper: Denoising
     better: Denoising
     single: Single
+    uav: Denoising
+    uav_single: Single
 
 
 def noisy(model: ConvertedModel, target: Array, tracks: int, seed: int) -> Array:
@@ -194,7 +205,15 @@ def figures(
     better = denoise(model, target, Converted(at="better"), tracks=tracks, seed=seed, settled=settled)
     progress("the paper's filter in single precision")
     single = in_single(model, noisy(model, target, tracks, seed), paper.truth, settled)
-    return Figures(paper=paper, better=better, single=single)
+    progress("the same on the track of a UAV")
+    uav, path = uav_model(), uav_track()
+    return Figures(
+        paper=paper,
+        better=better,
+        single=single,
+        uav=denoise_plots(uav, path.z, path.truth, Converted(), settled=UAV_SETTLED),
+        uav_single=in_single(uav, path.z, path.truth, UAV_SETTLED),
+    )
 
 
 def reproduction(found: Figures) -> Reproduction:
@@ -210,7 +229,13 @@ def reproduction(found: Figures) -> Reproduction:
         ("R at the better place, double precision", found.better.error),
         ("the same, mean error", found.better.bias),
         ("the same, deviation it claims", found.better.expected),
+        ("UAV: plots", found.uav.plot_error),
+        ("UAV: double precision", found.uav.error),
+        ("UAV: deviation it claims", found.uav.expected),
+        ("UAV: single precision", found.uav_single.error),
+        ("UAV: single off double at most", found.uav_single.apart),
     )
+    sigma = np.sqrt(uav_model().variances)
     return Reproduction(
         title=f"Wu, Wang & Ji 2012: root mean square errors of position in m, after {SETTLED} frames",
         columns=("", "x", "y", "z"),
@@ -222,12 +247,21 @@ def reproduction(found: Figures) -> Reproduction:
             f"{1e3 * PERIOD_S:g} ms. How X0 and P0 follow from three frames neither: here as three_point.",
             "The paper takes R at the measurement, whose noise it then shares: the mean error along x, the "
             "line of sight, is far beyond the deviation that the filter claims.",
-            f"Single precision is bit-exact, every operation rounded once; {found.single.unbounded} values "
-            "became infinite or undefined.",
+            f"Single precision is bit-exact, every operation rounded once; "
+            f"{found.single.unbounded + found.uav_single.unbounded} values became infinite or undefined.",
+            f"UAV: {len(found.uav.truth)} GPS positions of a rotary UAV, one a second, as a ground radar "
+            f"sees them with noise drawn of {sigma[0]:.3g} m in range, {np.degrees(sigma[1]):.3g} and "
+            f"{np.degrees(sigma[2]):.3g} degrees in azimuth and elevation; x is east, y north, z up, after "
+            f"{UAV_SETTLED} s. Manoeuvres of {UAV_NOISE[0]:g}, {UAV_NOISE[1]:g} and {UAV_NOISE[2]:g} m/s^2 "
+            f"kept for {UAV_TAU_S:g} s.",
             f"{data['hardware']}. designs/wu2012_single.toml is that hardware here, on 8 adders and 8 "
             "multipliers with the paper's latencies: `kalmanhdl implement` gives its figures.",
         ),
-        charts={"position": _position_chart(found), "error": _error_chart(found)},
+        charts={
+            "position": _position_chart(found),
+            "error": _error_chart(found),
+            "uav": _uav_chart(found.uav),
+        },
     )
 
 
@@ -244,6 +278,19 @@ def _position_chart(found: Figures) -> Chart:
     return Chart(
         title="wu2012, fig. 22 to 25: position before and after", label="time (s)", panels=tuple(panels)
     )
+
+
+def _uav_chart(found: Denoising) -> Chart:
+    seconds: Array = np.arange(len(found.truth), dtype=np.float64)
+    panels = []
+    for axis, name in enumerate(("east", "north", "up")):
+        lines = (
+            Line(label="plots", x=seconds, y=found.plots[:, 0, axis], color=4, style=Style.DOTS),
+            Line(label="the paper's filter", x=seconds, y=found.estimates[:, 0, axis], color=0),
+            Line(label="GPS", x=seconds, y=found.truth[:, axis], color=2, style=Style.DASHED),
+        )
+        panels.append(Panel(label=f"{name} (m)", lines=lines))
+    return Chart(title="wu2012 on the track of a UAV", label="time (s)", panels=tuple(panels))
 
 
 def _error_chart(found: Figures) -> Chart:
