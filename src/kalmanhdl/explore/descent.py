@@ -84,7 +84,6 @@ def _hopeless(evaluator: Evaluator) -> str:
 
 def best_uniform(evaluator: Evaluator, target: float) -> int:
     """The least word length within the target. Raises FormatError where there is none."""
-    fit_constants(evaluator, target)
     lengths = list(range(_LEAST, MOST_BITS + 1))
     for begin in range(0, len(lengths), 4):
         some = lengths[begin : begin + 4]
@@ -92,7 +91,7 @@ def best_uniform(evaluator: Evaluator, target: float) -> int:
         for length, point in zip(some, points, strict=True):
             if point.share <= target:
                 return length
-    raise AssertionError(f"{MOST_BITS} bits met the target before")
+    raise FormatError(_hopeless(evaluator))
 
 
 def balanced(evaluator: Evaluator, uniform: int, target: float, alone: Widths | None = None) -> Widths:

@@ -19,12 +19,13 @@ from kalmanhdl.explore.descent import (
     best_uniform,
     descended,
     exchanged,
+    fit_constants,
     fit_ranges,
     look_around,
     together,
     widen_ranges,
 )
-from kalmanhdl.explore.evaluator import Evaluator, Objective, Point, Widths
+from kalmanhdl.explore.evaluator import MOST_BITS, Evaluator, Objective, Point, Widths
 from kalmanhdl.explore.format_engine import FormatEngine
 from kalmanhdl.explore.monte_carlo import Tested, tested
 from kalmanhdl.explore.program import Program, program_of
@@ -232,15 +233,23 @@ class _Search:
     def found(self) -> Found:
         """What is chosen, confirmed on tracks not seen."""
         self._heights()
+        uniform, widths = self._chosen()
         for attempt in range(_ATTEMPTS):
-            uniform = self._uniform()
-            widths = self._spared(self._fewest(uniform, self._balanced(uniform)))
             self.progress("confirming with the bit-exact engine on tracks that were not seen")
             trial = _tried(self.task, self.evaluator, widths, self.judged_by, attempt)
             if trial.holds:
                 return _found(self.task, self.evaluator, widths, uniform + _SPARE, self.share, trial)
-            self._mend(widths, trial)
+            mended = self._mend(widths, trial)
+            if mended is None:
+                uniform, widths = self._chosen()
+            else:
+                widths = mended
         raise self._hopeless("tracks not seen")
+
+    def _chosen(self) -> tuple[int, Widths]:
+        """The best word length without the spare bits, and widths with them."""
+        uniform = self._uniform()
+        return uniform, self._spared(self._fewest(uniform, self._balanced(uniform)))
 
     def _heights(self) -> None:
         """Bits above the binary point, one more where every further drawing of tracks asks for them.
@@ -255,6 +264,7 @@ class _Search:
         """The best word length, which the widths of signals that are not yet known have as well."""
         self.progress("finding the best uniform word length")
         evaluator = self.evaluator
+        fit_constants(evaluator, self.share)
         uniform = int(
             self._held(lambda: evaluator.uniform(best_uniform(evaluator, self.share * self.looser)))[0]
         )
@@ -315,7 +325,10 @@ class _Search:
             for more in range(_MANY):
                 if holds(widths + more):
                     return widths + more
-            widths = widths + self._reach(widths + _MANY)
+            reach = self._reach(widths + _MANY)
+            if not reach.any():
+                break
+            widths = widths + reach
         raise self._hopeless("many tracks")
 
     def _held(self, choose: Callable[[], Widths]) -> Widths:
@@ -355,17 +368,24 @@ class _Search:
             self.alone = self.alone + more
         return more
 
-    def _mend(self, widths: Widths, trial: "_Trial") -> None:
-        """The tracks on which a choice failed are seen from now on, and others take their place."""
-        self._see(trial.worst)
-        if self.evaluator.point(widths).share > 1:
-            return
-        # None of the tracks kept shows why it failed.
-        if trial.short:
-            widen_ranges(self.evaluator, trial.short)
-        else:
+    def _mend(self, widths: Widths, trial: "_Trial") -> Widths | None:
+        """What mends a choice that lacks bits above the binary point alone; None where it takes another one.
+
+        The tracks on which it failed are seen from now on.
+        """
+        evaluator = self.evaluator
+        seen = self._see(trial.worst)
+        # None of the tracks kept may show which values left their formats.
+        lacking = np.array([v.name in trial.short for v in evaluator.variables]) & (seen == 0)
+        widen_ranges(evaluator, {evaluator.variables[k].name for k in np.flatnonzero(lacking)})
+        mended: Widths = widths + seen + lacking
+        if evaluator.point(mended).share > 1:
+            return None
+        if trial.share > 1:
             # By how much it failed, with a margin, within reason.
             self.share *= min(0.85, max(0.9 / trial.share, 0.25))
+            return None
+        return mended
 
     def _hopeless(self, where: str) -> FormatError:
         return FormatError(
@@ -502,7 +522,7 @@ def _found(
     task: _Task, evaluator: Evaluator, widths: Widths, uniform: int, share: float, trial: _Trial
 ) -> Found:
     look_around(evaluator, widths)
-    while evaluator.point(evaluator.uniform(uniform)).share > share:
+    while uniform < MOST_BITS and evaluator.point(evaluator.uniform(uniform)).share > share:
         uniform += 1
     return Found(
         specification=trial.specification,
