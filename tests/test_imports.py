@@ -28,7 +28,7 @@ LINE = (
         "design_file",
     ),
     *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "testbench", "processor"),
-    *("pipeline", "loading", "report", "reproduce", "output", "build", "tables"),
+    *("pipeline", "closure", "loading", "report", "reproduce", "output", "build", "tables"),
     *("interruption", "console", "processor_commands", "loading_commands", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.

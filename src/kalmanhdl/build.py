@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
 
+from kalmanhdl.closure.rounds import close
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dump, load
 from kalmanhdl.errors import DesignError, ToolError
@@ -16,7 +17,6 @@ from kalmanhdl.numerics.integers import Numbers
 from kalmanhdl.output import check_folder, new_file, new_folder
 from kalmanhdl.pipeline import (
     Hardware,
-    Implemented,
     Progress,
     areas,
     bench_files,
@@ -62,8 +62,8 @@ def build(
 
     With ``plots`` they are filtered by float reference and engine, side by side. ``verify_steps`` of
     the Verilog are held against the engine, the usual number of them without; 0 leaves that out, and the
-    report says so. ``place``: also
-    synthesis, place and route. ``families``: also synthesis figures on the papers' devices.
+    report says so. ``place``: also synthesis, place and route, anew where the design has rounds.
+    ``families``: also synthesis figures on the papers' devices.
     ``force`` replaces an earlier build, ``simulators`` are those that verify. ``prove``: also what can be
     proven of the formats.
 
@@ -82,6 +82,10 @@ def build(
     prepare(place=place, progress=progress)
     seconds: dict[str, float] = {}
     hardware = compile_design(design, progress)
+    # What is verified, and what the test bench is of, is what the rounds leave.
+    closed = close(hardware, progress) if place and design.target.rounds else None
+    if closed is not None:
+        hardware = closed.hardware
     steps = usual_steps(hardware, simulators) if verify_steps is None else verify_steps
     # The engine that is made for other stages as well.
     optimised = plots is not None or (steps > 0 and worth_optimising(hardware, steps))
@@ -101,19 +105,20 @@ def build(
     figures: tuple[AreaFigures, ...] = ()
     # One core places and routes, the other verifies and counts: neither waits for the other.
     with in_background() as start:
-        placing = start(implement, hardware, progress) if place else None
+        placing = start(implement, hardware, progress) if place and closed is None else None
         if steps:
             with timed(seconds, "verify", progress, f"verifying {steps} steps, Verilog against engine"):
                 verifications = verify_long(hardware, steps, plots, simulators=simulators)
         if families:
             with timed(seconds, "areas", progress, "synthesising for the papers' families"):
                 figures = areas(hardware)
-        implemented: Implemented | None = placing.result() if placing else None
+        implemented = placing.result() if placing else closed.implemented if closed else None
     record = Record(
         hardware=hardware,
         simulation=simulation,
         verifications=verifications,
         implemented=implemented,
+        closure=closed.closure if closed else None,
         areas=figures,
         proof=proof,
         seconds=seconds,

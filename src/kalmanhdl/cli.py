@@ -1,5 +1,6 @@
 """The command ``kalmanhdl``: parse, call, print."""
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -61,6 +62,14 @@ _Steps = Annotated[
 _Seeds = Annotated[
     int | None, typer.Option(min=1, max=64, help="Placements to try.  [default: the design's]")
 ]
+_Rounds = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=16,
+        help="Schedule and place anew while clock_mhz is missed, so often at most.  [default: the design's]",
+    ),
+]
 _Grade = Annotated[int | None, typer.Option(help="Speed grade.  [default: the design's]")]
 _Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a file, PNG or SVG.")]
 _Simulator = Annotated[str, typer.Option(help="cxxrtl, verilator, icarus or all.")]
@@ -107,6 +116,7 @@ def build(
     ] = False,
     steps: _Steps = None,
     seeds: _Seeds = None,
+    rounds: _Rounds = None,
     grade: _Grade = None,
     simulator: _Simulator = "cxxrtl",
     constant: _Constants = None,
@@ -117,7 +127,7 @@ def build(
     from kalmanhdl.output import check_folder
     from kalmanhdl.tables import build_table
 
-    chosen = _retargeted(_load(design, constant), seeds=seeds, grade=grade)
+    chosen = _retargeted(_load(design, constant), {"seeds": seeds, "rounds": rounds, "grade": grade})
     simulators = _simulators(simulator)
     place = out or Path("build") / chosen.name
     if chosen.processor is not None:
@@ -220,19 +230,33 @@ def verify(
 def implement(
     path: _Place,
     seeds: _Seeds = None,
+    rounds: _Rounds = None,
     grade: _Grade = None,
     device: Annotated[str | None, typer.Option(help="Such as ecp5-25k.  [default: the design's]")] = None,
     constant: _Constants = None,
 ) -> None:
     """Synthesise, place and route a design, or the Verilog of a build folder."""
+    from kalmanhdl.closure.rounds import close
     from kalmanhdl.pipeline import implement as run
-    from kalmanhdl.tables import implementation_table
+    from kalmanhdl.tables import closure_table, implementation_table
 
+    if rounds and path.is_dir():
+        problem = "a build folder has its schedule already: give the design file"
+        raise typer.BadParameter(problem, param_hint="--rounds")
+    changed = {"seeds": seeds, "rounds": rounds, "grade": grade, "device": device}
+    closure = None
     with Progress() as progress:
-        hardware = _hardware(path, progress, constant, place=True, seeds=seeds, grade=grade, device=device)
-        with _blaming(path, hardware.design):
-            implemented = run(hardware, progress)
-    typer.echo(implementation_table(hardware.plan, hardware.design.architecture, implemented))
+        hardware = _hardware(path, progress, constant, place=True, target=changed)
+        if hardware.design.target.rounds and not path.is_dir():
+            closed = close(hardware, progress)
+            hardware, implemented, closure = closed.hardware, closed.implemented, closed.closure
+        else:
+            with _blaming(path, hardware.design):
+                implemented = run(hardware, progress)
+    architecture = hardware.design.architecture
+    typer.echo(implementation_table(hardware.plan, architecture, implemented))
+    if architecture.clock_mhz is not None:
+        typer.echo(closure_table(architecture, implemented, closure))
 
 
 @app.command()
@@ -524,9 +548,8 @@ def _draw(design: "Design", plan: "Plan", out: Path, *, force: bool) -> None:
     from kalmanhdl.output import new_file
     from kalmanhdl.report.pictures import save_schedule
     from kalmanhdl.schedule.summary import summarise
-    from kalmanhdl.target import device
 
-    summary = summarise(plan, device(design.target.device, design.target.grade))
+    summary = summarise(plan, design.target.part)
     with new_file(out, force=force) as file:
         save_schedule(summary, design.name, file)
 
@@ -544,10 +567,8 @@ def _constant(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def _retargeted(
-    design: "Design", *, seeds: int | None = None, grade: int | None = None, device: str | None = None
-) -> "Design":
-    given = {"seeds": seeds, "grade": grade, "device": device}
+def _retargeted(design: "Design", given: Mapping[str, int | str | None]) -> "Design":
+    """The design with what options say of its target, by the target's keys; None says nothing."""
     changed = {key: value for key, value in given.items() if value is not None}
     try:
         return replace(design, target=replace(design.target, **changed))  # type: ignore[arg-type]
@@ -568,9 +589,7 @@ def _hardware(
     constants: list[str] | None,
     *,
     place: bool,
-    seeds: int | None = None,
-    grade: int | None = None,
-    device: str | None = None,
+    target: Mapping[str, int | str | None] | None = None,
 ) -> "Hardware":
     """Of a design file: compiled; of a build folder: as it stands there. The tools are made ready before."""
     from kalmanhdl.build import prepare, read_build
@@ -582,7 +601,7 @@ def _hardware(
         prepare(place=place, progress=progress)
         progress(f"reading the build in {path}")
         hardware = read_build(path)
-        return replace(hardware, design=_retargeted(hardware.design, seeds=seeds, grade=grade, device=device))
-    design = _retargeted(_load(path, constants), seeds=seeds, grade=grade, device=device)
+        return replace(hardware, design=_retargeted(hardware.design, target or {}))
+    design = _retargeted(_load(path, constants), target or {})
     prepare(place=place, progress=progress)
     return compile_design(design, progress)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -18,6 +18,7 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.target import DERATED, Device
 from kalmanhdl.target import device as known_device
 from kalmanhdl.validation import (
     VERILOG_WORDS,
@@ -40,6 +41,8 @@ MAX_BLOCKS = 65536
 MAX_CLOCKS = 999
 MAX_CLOCK_MHZ = 10_000.0
 MAX_SEEDS = 64
+MAX_ROUNDS = 16
+MAX_DERATE = 10.0
 MAX_LANES = 256
 MAX_STEPS = 1_000_000_000
 MAX_SOLVER_SECONDS = 10_000.0
@@ -194,17 +197,30 @@ class Processor:
 class Target:
     """The device, its speed grade, and how many placements are tried.
 
+    Where the clock that is asked for is not reached, the schedule is made anew up to ``rounds`` times, each
+    time with what the placement before told. What it told is ``derate``: by kind of operator how many times
+    the delay that the device's table says.
+
     Raises:
-        DesignError: a device, a speed grade or a number of placements that cannot be.
+        DesignError: a device, a speed grade, a number of placements or of rounds, or a factor that cannot be.
     """
 
     device: str = "ecp5-25k"
     grade: int = 6
     seeds: int = 4
+    rounds: int = 0
+    derate: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "grade", known_device(self.device, self.grade).grade)
         object.__setattr__(self, "seeds", integer("target", "seeds", self.seeds, 1, MAX_SEEDS))
+        object.__setattr__(self, "rounds", integer("target", "rounds", self.rounds, 0, MAX_ROUNDS))
+        object.__setattr__(self, "derate", _derate(self.derate))
+
+    @property
+    def part(self) -> Device:
+        """The device at its speed grade, with the delays that are derated."""
+        return replace(known_device(self.device, self.grade), derate=self.derate)
 
 
 # Names that ports of the hardware begin with.
@@ -246,6 +262,9 @@ class Design:
         object.__setattr__(self, "algorithm", _algorithm(self.algorithm))
         # Says so where the algorithm does not suit the model.
         self.algorithm(self.model)
+        if self.target.rounds and self.architecture.clock_mhz is None:
+            problem = f" = {self.target.rounds}: say which clock they are to reach: architecture.clock_mhz"
+            raise InvalidValueError("target", "rounds", problem)
         if isinstance(self.numerics, FixedSpecification):
             _check_scales(self.numerics, self.model.n)
             _check_signals(self.numerics, self.model)
@@ -366,6 +385,23 @@ def _counts(key: str, counts: object, most: int) -> dict[str, int]:
             problem = f" is unknown: {nearest(str(kind), KINDS)}"
             raise InvalidValueError(f"architecture.{key}", str(kind), problem)
     return {kind: integer(f"architecture.{key}", kind, count, 1, most) for kind, count in counts.items()}
+
+
+def _derate(factors: object) -> Mapping[str, float]:
+    if not isinstance(factors, Mapping):
+        problem = f" = {shown(factors)}: write a factor for each kind, such as {{ reciprocal = 1.5 }}"
+        raise InvalidValueError("target", "derate", problem)
+    found: dict[str, float] = {}
+    for kind, factor in factors.items():
+        if not isinstance(kind, str) or kind not in DERATED:
+            problem = f" is unknown: {nearest(str(kind), DERATED)}"
+            raise InvalidValueError("target.derate", str(kind), problem)
+        number = as_real(factor)
+        if number is None or not 1 <= number <= MAX_DERATE:
+            problem = f" = {shown(factor)}: a number from 1 to {MAX_DERATE:g}"
+            raise InvalidValueError("target.derate", kind, problem)
+        found[kind] = number
+    return found
 
 
 def _iterative(given: object, units: Mapping[str, int] | None) -> tuple[str, ...]:

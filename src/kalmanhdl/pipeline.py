@@ -20,7 +20,7 @@ from kalmanhdl.schedule.wanted import Wanted
 from kalmanhdl.simulate.data import Plots
 from kalmanhdl.simulate.side_by_side import Simulation
 from kalmanhdl.simulate.side_by_side import simulate as run_side_by_side
-from kalmanhdl.target import Device, device
+from kalmanhdl.target import Device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.toolchain.simulators import Simulator, simulate_with
@@ -68,6 +68,18 @@ def compile_design(design: Design, progress: Progress = silent) -> Hardware:
         typed = numbers_of(design)
     with timed(seconds, "schedule", progress, "scheduling"):
         plan = planned(design, typed)
+    return realised(design, typed, plan, progress, seconds)
+
+
+def realised(
+    design: Design,
+    typed: Numbers | FloatNumbers,
+    plan: Plan,
+    progress: Progress = silent,
+    seconds: dict[str, float] | None = None,
+) -> Hardware:
+    """The hardware of a schedule; ``seconds`` are those of the stages before. Raises ToolError."""
+    seconds = {} if seconds is None else seconds
     with timed(seconds, "rtl", progress, "writing Verilog"):
         verilog = verilog_of(design, plan)
     return Hardware(
@@ -99,7 +111,7 @@ def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
     else:
         _refuse_float_only(asked)
         graph = replace(graph, logic_product=asked.multiplier)
-    part = device(design.target.device, design.target.grade)
+    part = design.target.part
     plan = schedule(graph, part, wanted(asked, part))
     found = problems(plan, part)
     if found:
@@ -303,7 +315,7 @@ def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
     from kalmanhdl.toolchain.yosys import synthesise_ecp5
 
     design, seconds = hardware.design, dict[str, float]()
-    part = device(design.target.device, design.target.grade)
+    part = design.target.part
     with timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
         netlist = absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design)))
     wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns

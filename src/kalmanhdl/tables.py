@@ -9,6 +9,7 @@ from json import dumps
 from typing import Any
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.closure.rounds import Closure
 from kalmanhdl.design import Architecture, Design, Streams
 from kalmanhdl.explore.evaluator import Objective, Point
 from kalmanhdl.explore.monte_carlo import MonteCarlo
@@ -28,7 +29,6 @@ from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.summary import Summary, summarise
 from kalmanhdl.simulate.metrics import rmse
 from kalmanhdl.simulate.side_by_side import Simulation
-from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.verify.compare import Verification
@@ -56,6 +56,7 @@ def build_table(record: Record) -> str:
     rows.append(("verification", _verified(record.verifications)))
     if record.implemented is not None:
         rows.append(("implementation", _placed(plan, architecture, record.implemented)))
+        rows += _clock(architecture, record.implemented, record.closure)
     rows += [("synthesis", f"{one.family_name}: {_cells(one)}") for one in record.areas]
     return _aligned(rows)
 
@@ -108,6 +109,38 @@ def _placed(plan: Plan, architecture: Architecture, implemented: Implemented) ->
     rate = best.fmax_mhz * architecture.lanes_fed(plan.interval) / plan.interval
     speed = f"{best.fmax_mhz:.1f} MHz (seed {best.seed}), {rate:.1f} M updates/s"
     return f"{best.device} grade {best.grade}: {speed}, {_cells(best)}"
+
+
+def _clock(
+    architecture: Architecture, implemented: Implemented, closure: Closure | None
+) -> list[Sequence[str]]:
+    """The clock that was reached beside the one asked for, if any, and a line for each round."""
+    asked = architecture.clock_mhz
+    if asked is None:
+        return []
+    reached = implemented.best.fmax_mhz
+    met = "reached" if reached >= asked else "missed"
+    rows: list[Sequence[str]] = [("clock", f"{asked:g} MHz asked for, {reached:.1f} found: {met}")]
+    if closure is None:
+        return rows
+    for number, one in enumerate(closure.rounds):
+        where = " and ".join(f"{part.kind} ({part.name})" for part in one.critical) or "the streams"
+        kept = ", kept" if number == closure.kept else ""
+        rows.append(
+            (
+                f"round {number + 1}",
+                f"{one.change or 'as the table says'}: a step every {_clocks(one.interval_cycles)}, latency "
+                f"{_clocks(one.latency_cycles)}, {one.reached_mhz:.1f} MHz, {one.step_ns:.1f} ns a step"
+                f"{kept}; longest path: {where}",
+            )
+        )
+    rows.append(("", f"no more rounds: {closure.stopped}"))
+    return rows
+
+
+def closure_table(architecture: Architecture, implemented: Implemented, closure: Closure | None) -> str:
+    """The clock beside the one asked for, and every round that was scheduled and placed."""
+    return _aligned(_clock(architecture, implemented, closure))
 
 
 def _cells(found: Implementation | AreaFigures) -> str:
@@ -200,7 +233,7 @@ def design_tables(
     design: Design, numbers: Numbers | FloatNumbers, plan: Plan, proof: Proof | None = None
 ) -> str:
     """Operations, formats, bounds and schedule of a design, and what was proven of its formats."""
-    summary = summarise(plan, device(design.target.device, design.target.grade))
+    summary = summarise(plan, design.target.part)
     needed, monitoring = operation_counts(numbers.graph)
     clock = 1000 / plan.period_ns if plan.period_ns else 0.0
     head = [

@@ -157,7 +157,7 @@ def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Des
         algorithm=_algorithm(root.algorithm, context),
         numerics=_numerics(root.numerics, context),
         architecture=architecture,
-        target=Target(device=target.device, grade=target.grade, seeds=target.seeds),
+        target=Target(**{name: getattr(target, name) for name in TargetTable.model_fields}),
         processor=processor,
     )
 

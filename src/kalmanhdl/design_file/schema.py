@@ -314,6 +314,8 @@ class TargetTable(Table):
     device: str = "ecp5-25k"
     grade: Integer = 6
     seeds: Integer = 4
+    rounds: Integer = 0
+    derate: dict[str, Number] = Field(default_factory=dict)
 
 
 MODELS: dict[str, type[CommonModelTable]] = {

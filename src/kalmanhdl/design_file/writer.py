@@ -290,12 +290,18 @@ def _processor(processor: Processor) -> Lines:
 
 
 def _target(target: Target) -> Lines:
-    return [
+    lines = [
         "[target]",
         f"device = {_text(target.device)}",
         f"grade = {target.grade}",
         f"seeds = {target.seeds}",
     ]
+    if target.rounds:
+        lines.append(f"rounds = {target.rounds}")
+    if target.derate:
+        factors = ", ".join(f"{kind} = {_number(factor)}" for kind, factor in target.derate.items())
+        lines.append(f"derate = {{ {factors} }}")
+    return lines
 
 
 def _form(form: Form) -> str:

@@ -245,10 +245,18 @@ def _overflows(record: Record, simulation: Simulation) -> dict[str, Any]:
 def _implementation(record: Record, summary: Summary) -> dict[str, Any]:
     """The best placement, and every one that was tried; nothing but the device where none was."""
     target, architecture = record.hardware.design.target, record.hardware.design.architecture
-    named = {"device": target.device, "grade": target.grade}
+    named = {"device": target.device, "grade": target.grade, "asked_mhz": architecture.clock_mhz}
     if record.implemented is None:
         rates = dict.fromkeys(_rates(summary, architecture, 1.0))
-        return {**named, "tool": None, **dict.fromkeys(_FIGURES), **rates, "seed": None, "placements": []}
+        return {
+            **named,
+            "tool": None,
+            **dict.fromkeys(_FIGURES),
+            **rates,
+            "seed": None,
+            "placements": [],
+            "closure": None,
+        }
     best = record.implemented.best
     return {
         **named,
@@ -261,6 +269,7 @@ def _implementation(record: Record, summary: Summary) -> dict[str, Any]:
             {"seed": one.seed, **_figures(one)}
             for one in sorted(record.implemented.placements, key=lambda one: one.seed)
         ],
+        "closure": record.closure and asdict(record.closure),
     }
 
 

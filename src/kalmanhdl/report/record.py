@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 
+from kalmanhdl.closure.rounds import Closure
 from kalmanhdl.pipeline import Hardware, Implemented
 from kalmanhdl.proof.prove import Proof
 from kalmanhdl.schedule.summary import Summary, summarise
 from kalmanhdl.simulate.side_by_side import Simulation
-from kalmanhdl.target import device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.verify.compare import Verification
 
@@ -23,6 +23,7 @@ class Record:
     simulation: Simulation | None = None
     verifications: tuple[Verification, ...] = ()
     implemented: Implemented | None = None
+    closure: Closure | None = None
     areas: tuple[AreaFigures, ...] = ()
     proof: Proof | None = None
     seconds: dict[str, float] = field(default_factory=dict)
@@ -30,8 +31,7 @@ class Record:
     @property
     def summary(self) -> Summary:
         """The schedule in numbers."""
-        target = self.hardware.design.target
-        return summarise(self.hardware.plan, device(target.device, target.grade))
+        return summarise(self.hardware.plan, self.hardware.design.target.part)
 
     @property
     def all_seconds(self) -> dict[str, float]:

@@ -14,6 +14,7 @@ from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.operators import division, iterative_division
 from kalmanhdl.rtl.serial_multiplier import SerialMultiplier
 from kalmanhdl.rtl.shapes import fitted, shape_of
+from kalmanhdl.rtl.stages import delayed
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.sharing import Core, core
 from kalmanhdl.schedule.storage import Port, ports
@@ -111,7 +112,7 @@ class SharedUnit(Component):
         subtract = self._subtracts(m)
         width = self.form.width
         other = fitted(taken[1], width, True) ^ subtract.replicate(width).as_signed()
-        m.d.comb += self.result.eq(taken[0] + other + subtract)
+        m.d.comb += self.result.eq(delayed(m, taken[0] + other + subtract, self._registers, "sum"))
 
     def _divides(self, m: Module, taken: list[Signal]) -> None:
         typed = self._plan.typed

@@ -227,7 +227,7 @@ def _edges(
     limit = picoseconds(period_ns) - delays[2]
     tails = _tails(plan, device)
     depths = _depths(library, tails, limit)
-    parts = [operator.stages(depth) for operator, depth in zip(library, depths, strict=True)]
+    parts = [operator.derated(depth) for operator, depth in zip(library, depths, strict=True)]
     before = list(map(operands, graph.operations))
     rows = [row for row, (name, _) in enumerate(graph.states) if name in reads]
     sources = [reads[graph.states[row][0]] for row in rows]
@@ -241,7 +241,7 @@ def _depths(library: tuple[Operator, ...], tails: Sequence[int], limit: int) -> 
     """The fewest registers with which every operator fits into the period."""
 
     def fits(index: int, held: int) -> bool:
-        parts = library[index].stages(held)
+        parts = library[index].derated(held)
         return max(*parts, parts[-1] + tails[index]) <= limit
 
     return [

@@ -19,6 +19,10 @@ class Operator:
 
     A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
     registers before the first piece. It holds ``asked`` registers at least.
+
+    Where its pieces took more than the device's table says, ``derate`` times as much, it gets the registers
+    that this needs, and at the most one behind its last piece: then a piece that alone is too long has its
+    stage for itself.
     """
 
     kind: str
@@ -28,16 +32,17 @@ class Operator:
     shared: bool = False
     fetch: int = 0
     asked: int = 0
+    derate: float = 1.0
 
     @property
     def delay(self) -> int:
-        """Picoseconds from operands to value without registers inside."""
-        return sum(self.pieces)
+        """Picoseconds from operands to value without registers inside, derated."""
+        return round(sum(self.pieces) * self.derate)
 
     @property
     def capacity(self) -> int:
         """The number of registers that it can hold."""
-        return len(self.pieces) - 1 + self.shared
+        return len(self.pieces) - 1 + self.shared + (self.derate > 1)
 
     @property
     def fewest(self) -> int:
@@ -50,13 +55,30 @@ class Operator:
             return (self.fetch, *_stages(self.pieces, self.weights or self.pieces, registers - 1))
         return _stages(self.pieces, self.weights or self.pieces, registers)
 
-    def fits(self, registers: int, budget: int, tail: int) -> bool:
-        """Whether its stages fit into a budget, the last one followed by so much other logic."""
+    def derated(self, registers: int) -> tuple[int, ...]:
+        """The delays of its stages as a placement found them; the choice of operands as it is."""
         delays = self.stages(registers)
+        if self.derate == 1:
+            return delays
+        kept = int(self.shared)
+        return (*delays[:kept], *(round(delay * self.derate) for delay in delays[kept:]))
+
+    def needed(self, budget: int, tail: int) -> int:
+        """The fewest registers with which its stages fit into a budget, the last followed by other logic.
+
+        As many as it can hold where a derated piece is longer than the budget. ``tail`` is that of the logic.
+        """
+        return next(
+            (k for k in range(self.fewest, self.capacity) if self._fits(self.derated(k), budget, tail)),
+            self.capacity,
+        )
+
+    @staticmethod
+    def _fits(delays: tuple[int, ...], budget: int, tail: int) -> bool:
         return max(delays) <= budget and delays[-1] + tail <= budget
 
     def shortest_stage(self, tail: int) -> int:
-        """The least budget that it fits into with any number of registers."""
+        """The least budget that it fits into with any number of registers, by the table."""
         least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
         # From the most registers on, which as a rule reach at once what no number of them can fall below.
         for registers in range(self.capacity, self.fewest - 1, -1):

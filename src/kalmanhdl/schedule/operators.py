@@ -74,11 +74,20 @@ def operators(
     """The operator of every operation; those in ``on_block`` multiply on multiplier blocks."""
     turns: dict[int, Operator] = {}
     for kind, who in shared.operations.items():
-        turns |= dict.fromkeys(who, _turned(typed, kind, shared, device, on_block))
+        made = _turned(typed, kind, shared, device, on_block)
+        # The one row of an iterative operator cannot be cut.
+        turns |= dict.fromkeys(who, made if kind in shared.busy else _derated(made, device))
     return tuple(
-        turns[index] if index in turns else operator(typed, index, device, index in on_block)
+        turns[index]
+        if index in turns
+        else _derated(operator(typed, index, device, index in on_block), device)
         for index in range(len(typed.graph.operations))
     )
+
+
+def _derated(made: Operator, device: Device) -> Operator:
+    factor = device.derate.get(made.kind, 1.0)
+    return made if factor == 1 else replace(made, derate=factor)
 
 
 def _turned(

@@ -117,10 +117,9 @@ def pace(step: Step, period: int) -> Pace:
     """The step at a period of at least ``step.shortest_period`` picoseconds."""
     budget = period - step.register
     held = tuple(
-        next(k for k in range(operator.fewest, operator.capacity + 1) if operator.fits(k, budget, tail))
-        for operator, tail in zip(step.operators, step.tails, strict=True)
+        operator.needed(budget, tail) for operator, tail in zip(step.operators, step.tails, strict=True)
     )
-    lasts = tuple(operator.stages(k)[-1] for operator, k in zip(step.operators, held, strict=True))
+    lasts = tuple(operator.derated(k)[-1] for operator, k in zip(step.operators, held, strict=True))
     return Pace(step=step, budget=budget, registers=held, lasts=lasts)
 
 
@@ -161,7 +160,7 @@ def place(ready: int, registers: int, last: int, tail: int, budget: int) -> tupl
 def tight(at: Pace, times: Sequence[int]) -> Pace:
     """The same schedule at the period that its longest stage needs."""
     inner = (
-        max(operator.stages(count))
+        min(max(operator.derated(count)), at.budget)
         for operator, count in zip(at.step.operators, at.registers, strict=True)
         if count
     )

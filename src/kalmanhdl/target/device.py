@@ -1,7 +1,14 @@
 """Devices as data: what a part holds and how long its logic takes, as measured by the tools."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
+
+DERATED = (
+    *("add", "subtract", "multiply", "divide", "reciprocal", "unary"),
+    *("quantise", "outside", "select", "table", "shift", "and", "or", "negative", "notfinite"),
+)
+"""The kinds of operators whose delays can be derated, in the schedule's words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,6 +24,8 @@ class Device:
     for each bit of its rows; ``multiply`` (from logic) by addends times width, ``divide`` by rows times
     width.
     ``package`` is the one that place and route assumes; empty where there is no place and route.
+    ``derate[kind]`` is how many times the table's delay a kind of operator, one of ``DERATED``, took where it
+    was placed.
     """
 
     name: str
@@ -32,6 +41,7 @@ class Device:
     areas: dict[str, tuple[tuple[int, float], ...]]
     measured_with: str
     package: str = ""
+    derate: Mapping[str, float] = field(default_factory=dict)
 
     def delay_ns(self, kind: str, size: int) -> float:
         """The delay of a piece of logic, between measured sizes by interpolation, beyond by extension."""
