@@ -34,7 +34,7 @@ def test_every_architecture_has_a_schedule_without_problems(
     assert problems(plan, part) == []
     # No piece of logic became longer by it, so that the clock that is expected did not.
     shortest = step_of(typed, part, channels, plan.on_multiplier_block).shortest_period / 1000
-    assert shortest == step_of(typed, device, channels, plan.on_multiplier_block).shortest_period / 1000
+    assert shortest <= step_of(typed, device, channels, plan.on_multiplier_block).shortest_period / 1000
     assert plan.shallower or plan.period_ns <= max(device.pipelined_period_ns, shortest)
 
 

@@ -17,11 +17,8 @@ from kalmanhdl.schedule.operator import Operator, picoseconds
 from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.storage import Port, ports
-from kalmanhdl.target import DERATED, Device
+from kalmanhdl.target import DERATED, OPERANDS, Device
 from kalmanhdl.toolchain.nextpnr import Hop
-
-OPERANDS = "operands"
-"""The kind of a path through the choice of operands before shared operators."""
 
 # Registers that take the operands of a shared operator; its core's ports are other names of theirs.
 _TAKEN = re.compile(r"(taken_\d+|taken_subtract|core\.(a|b|start|dividend|divisor))(?![A-Za-z0-9])")
@@ -75,7 +72,7 @@ class Reader:
         if self._chooses(begin, end):
             unit = self._units[_unit_of(end, self._units) or ""]
             part = Part(kind=OPERANDS, name=f"operands of {unit.kind}", delay_ns=round(total, 3))
-            fetch = self._library[unit.operations[0]].fetch / 1000
+            fetch = (self._register + max(self._library[unit.operations[0]].fetch)) / 1000
             return Reading(parts=(part,), operations=unit.operations, expected_ns=fetch, measured_ns=total)
         named, rest = dict[int, float](), 0.0
         for hop in path[1:]:

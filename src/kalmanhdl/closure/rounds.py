@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 
-from kalmanhdl.closure.path import OPERANDS, Part, Reader, Reading
+from kalmanhdl.closure.path import Part, Reader, Reading
 from kalmanhdl.design import MAX_DERATE, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.pipeline import Hardware, Implemented, Progress, implement, planned, realised, silent
@@ -150,8 +150,6 @@ def _changed(last: _Tried, part: Part, asked: float, soonest: float) -> _Change 
     """A schedule that cuts the path at a kind of operator; else why there is none."""
     hardware, where = last.hardware, f"{part.kind} ({part.name})"
     design = hardware.design
-    if part.kind == OPERANDS:
-        return f"{where}: the choice of operands cannot be cut"
     if part.kind in (design.architecture.clocks or {}):
         return f"{where}: architecture.clocks says how many clocks it takes"
     shape = _shape(last, hardware.plan)

@@ -35,7 +35,8 @@ class SharedUnit(Component):
         self.core: Core = core(plan.typed, unit.kind, plan.sharing.operations[unit.kind])
         self.choices: tuple[Port, ...] = ports(plan, unit)
         self._operations = plan.typed.graph.operations
-        self._registers = plan.registers[unit.operations[0]] - 1
+        # Those before the last of them stand among the choices.
+        self._registers = plan.registers[unit.operations[0]] - unit.steps
         operands = {f"operand_{k}": In(shape_of(one.form)) for k, one in enumerate(self.core.operands)}
         sign = {"subtract": In(1)} if unit.kind in ("add", "subtract") else {}
         sign |= {"start": In(1)} if unit.busy > 1 else {}

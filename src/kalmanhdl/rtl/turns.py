@@ -1,5 +1,7 @@
 """The operands of shared operators: chosen by phase among registers, constants and small memories."""
 
+from math import ceil, sqrt
+
 from amaranth.hdl import Cat, Module, Signal, Value
 from amaranth.lib.memory import Memory
 
@@ -14,20 +16,20 @@ from kalmanhdl.schedule.storage import File, Port, Read
 
 def take_turns(m: Module, phases: Phases, values: Values, unit: SharedUnit, name: str) -> None:
     """Bring the operands of every turn to the ports of a shared operator."""
-    plan = values.plan
+    plan, later = values.plan, unit.unit.steps - 1
     for number, port in enumerate(unit.choices):
         chosen = _Chosen(m, phases, values, f"{name}_operand_{number}", getattr(unit, f"operand_{number}"))
-        chosen.connect(port)
+        chosen.connect(port, unit.unit.steps)
     if unit.unit.busy > 1:
         words = [0] * plan.interval
         for index in unit.unit.operations:
-            words[plan.start[index] % plan.interval] = 1
+            words[(plan.start[index] + later) % plan.interval] = 1
         m.d.comb += unit.start.eq(phases.table(f"{name}_start", words, 1))
     if "subtract" in unit.signature.members:
         words = [0] * plan.interval
         for index in unit.unit.operations:
             operation = plan.typed.graph.operations[index]
-            words[plan.start[index] % plan.interval] = int(isinstance(operation, Subtract))
+            words[(plan.start[index] + later) % plan.interval] = int(isinstance(operation, Subtract))
         m.d.comb += unit.subtract.eq(phases.table(f"{name}_subtract", words, 1))
 
 
@@ -39,8 +41,8 @@ class _Chosen:
         self._operand = operand
         self._plan: Plan = values.plan
 
-    def connect(self, port: Port) -> None:
-        """Drive the port with the operand of the phase."""
+    def connect(self, port: Port, steps: int) -> None:
+        """Drive the port with the operand of the phase, or with that of the phase before."""
         sources: list[Value] = []
         place: dict[object, int] = {}
         words = [0] * self._plan.interval
@@ -61,8 +63,24 @@ class _Chosen:
             else:
                 register = self._values.at(read.value, read.cycle)
                 choose(read, (id(register), read.shift), self._fitted(register.shift_left(read.shift)))
+        if steps == 2:
+            words, sources = self._first_step(words, sources)
         select = self._phases.table(f"{self._name}_select", words, (len(sources) - 1).bit_length())
         self._m.d.comb += self._operand.eq(self._selected(select, sources))
+
+    def _first_step(self, words: list[int], sources: list[Value]) -> tuple[list[int], list[Value]]:
+        """One source of each of a few groups, in registers, and which group is the one a clock later."""
+        size, interval = ceil(sqrt(len(sources))), len(words)
+        groups = [sources[first : first + size] for first in range(0, len(sources), size)]
+        registers: list[Value] = []
+        for number, group in enumerate(groups):
+            name = f"{self._name}_group_{number}"
+            places = [word % size if word // size == number else 0 for word in words]
+            select = self._phases.table(f"{name}_select", places, (len(group) - 1).bit_length())
+            register = Signal.like(self._operand, name=name, reset_less=True)
+            self._m.d.sync += register.eq(self._selected(select, group, name))
+            registers.append(register)
+        return [words[phase - 1] // size for phase in range(interval)], registers
 
     def _fitted(self, value: Value) -> Value:
         shape = self._operand.shape()
@@ -82,10 +100,10 @@ class _Chosen:
                 words[read.cycle % self._plan.interval] = raw & ((1 << width) - 1)
         return self._phases.table(f"{self._name}_constant", words, width)
 
-    def _selected(self, select: Value, sources: list[Value]) -> Value:
+    def _selected(self, select: Value, sources: list[Value], name: str = "") -> Value:
         if len(sources) == 1:
             return sources[0]
-        chosen = Signal.like(self._operand, name=f"{self._name}_chosen")
+        chosen = Signal.like(self._operand, name=f"{name or self._name}_chosen")
         with self._m.Switch(select):
             for number, source in enumerate(sources[:-1]):
                 with self._m.Case(number):

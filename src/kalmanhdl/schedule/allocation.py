@@ -1,7 +1,7 @@
 """How many shared operators there are, and how often a step can start on them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
 
@@ -10,12 +10,13 @@ from kalmanhdl.graph.operations import Multiply
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.attempt import Allocation, Attempt
-from kalmanhdl.schedule.operators import is_multiplier
+from kalmanhdl.schedule.operator import picoseconds
+from kalmanhdl.schedule.operators import is_multiplier, operators
 from kalmanhdl.schedule.placement import pace, step_of
-from kalmanhdl.schedule.sharing import sharing
+from kalmanhdl.schedule.sharing import Sharing, sharing
 from kalmanhdl.schedule.solver import Effort
 from kalmanhdl.schedule.wanted import Wanted, refused
-from kalmanhdl.target.device import Device
+from kalmanhdl.target.device import OPERANDS, Device
 
 FEW = ("multiply", "divide", "reciprocal")
 """The operators of which there are few where the user leaves it open: larger than a choice of operands."""
@@ -45,12 +46,24 @@ class Task:
     def on(self, units: Mapping[str, int]) -> "Attempt":
         """The step on so many operators. Raises ScheduleError where they cannot be shared."""
         shared = sharing(self.typed, units, own=self.small, iterative=self.wanted.iterative)
+        shared = replace(shared, two_steps=self._late(shared))
         step = step_of(self.typed, self.device, self.wanted.channels, self.on_block, shared)
         return Attempt(
             sharing=shared,
             pace=pace(step, max(self.period, step.shortest_period)),
             channels=self.wanted.channels,
             effort=self.effort,
+        )
+
+    def _late(self, shared: Sharing) -> frozenset[str]:
+        """The kinds of operators whose operands, slower than the table says, cannot be chosen in one cycle."""
+        slower = self.device.derate.get(OPERANDS, 1.0)
+        if slower == 1:
+            return frozenset()
+        budget = self.period - picoseconds(self.device.delay_ns("register", 1))
+        made = operators(self.typed, self.device, self.on_block, shared)
+        return frozenset(
+            kind for kind, who in shared.operations.items() if max(made[who[0]].fetch) * slower > budget
         )
 
 

@@ -66,7 +66,12 @@ def bound(
             port.add(wire)
         chosen[index] = best
     return tuple(
-        Unit(kind=unit.kind, operations=tuple(unit.operations), busy=sharing.cycles(unit.kind))
+        Unit(
+            kind=unit.kind,
+            operations=tuple(unit.operations),
+            busy=sharing.cycles(unit.kind),
+            steps=sharing.steps(unit.kind),
+        )
         for unit in units
     )
 

@@ -123,11 +123,11 @@ def _turns(plan: Plan) -> Iterator[str]:
             if index in seen:
                 yield f"{_name(plan, index)} is on operators {seen[index]} and {number}"
             seen[index] = number
-            if unit.busy > 1 and plan.registers[index] != unit.busy + 1:
+            if unit.busy > 1 and plan.registers[index] != unit.busy + unit.steps:
                 yield f"{_name(plan, index)} holds {plan.registers[index]} registers for {unit.busy} clocks"
         if len({plan.registers[index] for index in unit.operations}) > 1 or not unit.operations:
             yield f"operator {number} ({unit.kind}) has operations of different length, or none"
-        if any(plan.registers[index] < 1 for index in unit.operations):
+        if any(plan.registers[index] < unit.steps for index in unit.operations):
             yield f"operator {number} ({unit.kind}) has no registers for its operands"
 
 

@@ -17,8 +17,8 @@ class Operator:
     A pipeline register can stand between any two pieces; ``weights`` are the delays by which the
     hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
 
-    A ``shared`` operator chooses among operands for ``fetch`` picoseconds and keeps its choice in
-    registers before the first piece. It holds ``asked`` registers at least.
+    A shared operator chooses among operands before the first piece, in stages of ``fetch`` picoseconds that
+    each end in registers. It holds ``asked`` registers at least.
 
     Where its pieces took more than the device's table says, ``derate`` times as much, it gets the registers
     that this needs, and at the most one behind its last piece: then a piece that alone is too long has its
@@ -29,8 +29,7 @@ class Operator:
     pieces: tuple[int, ...]
     weights: tuple[float, ...] = ()
     blocks: int = 0
-    shared: bool = False
-    fetch: int = 0
+    fetch: tuple[int, ...] = ()
     asked: int = 0
     derate: float = 1.0
 
@@ -42,25 +41,24 @@ class Operator:
     @property
     def capacity(self) -> int:
         """The number of registers that it can hold."""
-        return len(self.pieces) - 1 + self.shared + (self.derate > 1)
+        return len(self.pieces) - 1 + len(self.fetch) + (self.derate > 1)
 
     @property
     def fewest(self) -> int:
         """The number of registers that it holds at least."""
-        return max(self.asked, int(self.shared))
+        return max(self.asked, len(self.fetch))
 
     def stages(self, registers: int) -> tuple[int, ...]:
-        """The delays of its stages when it holds so many registers, one at least where it is shared."""
-        if self.shared:
-            return (self.fetch, *_stages(self.pieces, self.weights or self.pieces, registers - 1))
-        return _stages(self.pieces, self.weights or self.pieces, registers)
+        """The delays of its stages when it holds so many registers, those of the choice at least."""
+        inner = registers - len(self.fetch)
+        return (*self.fetch, *_stages(self.pieces, self.weights or self.pieces, inner))
 
     def derated(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages as a placement found them; the choice of operands as it is."""
         delays = self.stages(registers)
         if self.derate == 1:
             return delays
-        kept = int(self.shared)
+        kept = len(self.fetch)
         return (*delays[:kept], *(round(delay * self.derate) for delay in delays[kept:]))
 
     def needed(self, budget: int, tail: int) -> int:
@@ -79,7 +77,9 @@ class Operator:
 
     def shortest_stage(self, tail: int) -> int:
         """The least budget that it fits into with any number of registers, by the table."""
-        least, floor = self.fetch + self.delay + tail, max(*self.pieces, self.fetch, tail)
+        # By the table, so that a factor does not make the clock longer that is expected.
+        least = sum(self.fetch) + sum(self.pieces) + tail
+        floor = max(*self.pieces, *self.fetch, tail)
         # From the most registers on, which as a rule reach at once what no number of them can fall below.
         for registers in range(self.capacity, self.fewest - 1, -1):
             delays = self.stages(registers)

@@ -96,14 +96,14 @@ def _turned(
     who, count = shared.operations[kind], shared.counts[kind]
     if kind in shared.busy:
         assert isinstance(typed, TypedGraph)
-        return _iterative(typed, kind, who, device, shared.busy[kind], count)
-    return shared_operator(typed, kind, who, device, count, on_block)
+        return _iterative(typed, kind, shared, device)
+    return shared_operator(typed, kind, who, device, count, on_block, shared.steps(kind))
 
 
-def _iterative(
-    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, busy: int, count: int
-) -> Operator:
-    """The operator of one row that works for ``busy`` - 1 clocks on what was loaded in one."""
+def _iterative(typed: TypedGraph, kind: str, shared: Sharing, device: Device) -> Operator:
+    """The operator of one row that works for one clock less than it is busy on what was loaded in one."""
+    who, busy = shared.operations[kind], shared.busy[kind]
+    count = shared.counts[kind]
     made = core(typed, kind, who)
     width = max(port.form.width for port in made.operands)
     if kind == "multiply":
@@ -115,10 +115,9 @@ def _iterative(
     return Operator(
         kind=kind,
         pieces=pieces,
-        shared=True,
-        fetch=_fetch(device, width, ceil(len(who) / count)),
+        fetch=_fetch(device, width, ceil(len(who) / count), shared.steps(kind)),
         # A register behind every piece but the last: one row works on them, clock after clock.
-        asked=len(pieces),
+        asked=len(pieces) - 1 + shared.steps(kind),
     )
 
 
@@ -129,14 +128,18 @@ def shared_operator(
     device: Device,
     count: int,
     on_block: frozenset[int],
+    steps: int = 1,
 ) -> Operator:
-    """The operator on which these operations take turns, one of ``count`` equal ones."""
+    """The operator on which these operations take turns, one of ``count`` equal ones.
+
+    Operands are chosen in so many ``steps``.
+    """
     width = max(port.form.width for port in core(typed, kind, who).operands)
     if isinstance(typed, FloatGraph):
         inner = float_operator(typed, who[0], device, bool(on_block & frozenset(who)))
     else:
         inner = _integer_operator(typed, kind, who, device, on_block)
-    made = replace(inner, kind=kind, shared=True, fetch=_fetch(device, width, ceil(len(who) / count)))
+    made = replace(inner, kind=kind, fetch=_fetch(device, width, ceil(len(who) / count), steps))
     return asked(typed, who[0], made)
 
 
@@ -155,12 +158,16 @@ def _integer_operator(
             return division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
 
 
-def _fetch(device: Device, width: int, turns: int) -> int:
+def _fetch(device: Device, width: int, turns: int, steps: int) -> tuple[int, ...]:
     """To choose one of so many operands: few from registers, many from small memories."""
     select = _delay(device, "select", width)
-    if turns <= _FEW_TURNS:
-        return select * max(1, ceil(log(turns, 4)))
-    return _delay(device, "context_read", 16) + 2 * select
+    read, levels = 0, max(1, ceil(log(turns, 4)))
+    if turns > _FEW_TURNS:
+        read, levels = _delay(device, "context_read", 16), 2
+    if steps == 1:
+        return (read + levels * select,)
+    later = levels // 2
+    return (read + (levels - later) * select, later * select)
 
 
 def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_block: bool) -> Operator:

@@ -58,6 +58,7 @@ class Plan:
             counts=counts,
             operations={kind: tuple(sorted(who)) for kind, who in found.items()},
             busy={unit.kind: unit.busy for unit in self.units if unit.busy > 1},
+            two_steps=frozenset(unit.kind for unit in self.units if unit.steps > 1),
         )
 
     def end(self, index: int) -> int:

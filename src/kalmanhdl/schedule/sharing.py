@@ -21,11 +21,15 @@ from kalmanhdl.schedule.wanted import refused
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """One operator and the operations, by index, that take turns on it, each for ``busy`` cycles."""
+    """One operator and the operations, by index, that take turns on it, each for ``busy`` cycles.
+
+    Operands are chosen in one or two ``steps``, each a cycle.
+    """
 
     kind: str
     operations: tuple[int, ...]
     busy: int = 1
+    steps: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,12 +37,13 @@ class Sharing:
     """How many operators of each kind there are, and which operations take turns on them.
 
     An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval, and
-    any other operator for one cycle.
+    any other operator for one cycle. Operands are chosen in one cycle, or in two for kinds in ``two_steps``.
     """
 
     counts: dict[str, int]
     operations: dict[str, tuple[int, ...]]
     busy: dict[str, int] = field(default_factory=dict)
+    two_steps: frozenset[str] = frozenset()
 
     def kind(self) -> dict[int, str]:
         """The kind of the shared operator of each operation that has one."""
@@ -53,6 +58,10 @@ class Sharing:
     def cycles(self, kind: str) -> int:
         """For how many cycles an operation takes an operator."""
         return self.busy.get(kind, 1)
+
+    def steps(self, kind: str) -> int:
+        """In how many cycles the operands of an operator are chosen."""
+        return 2 if kind in self.two_steps else 1
 
 
 NONE_SHARED = Sharing(counts={}, operations={})

@@ -9,7 +9,8 @@
       multiply %7 %12 %30
 
 The star marks an operation on multiplier blocks. Units are operators on which several operations take turns,
-each for so many cycles where a number stands behind the kind: ``divide:17``.
+each for so many cycles where a number stands behind the kind: ``divide:17``. ``multiply/2`` chooses operands
+in two steps.
 """
 
 import re
@@ -44,7 +45,8 @@ def print_plan(plan: Plan) -> str:
 
 
 def _kind(unit: Unit) -> str:
-    return unit.kind if unit.busy == 1 else f"{unit.kind}:{unit.busy}"
+    steps = "" if unit.steps == 1 else f"/{unit.steps}"
+    return f"{unit.kind}{steps}" if unit.busy == 1 else f"{unit.kind}{steps}:{unit.busy}"
 
 
 def parse_plan(text: str) -> Plan:
@@ -93,12 +95,13 @@ def _parse_units(text: str, first: int, count: int) -> tuple[Unit, ...]:
     found = []
     for number, line in enumerate(text.split("\n") if text else [], start=first):
         word, *names = line.split()
-        kind, colon, busy = word.partition(":")
+        front, colon, busy = word.partition(":")
+        kind, slash, steps = front.partition("/")
         indices = [int(name[1:]) for name in names if re.fullmatch(r"%\d+", name)]
-        known = kind in KINDS and (not colon or busy.isdecimal())
+        known = kind in KINDS and (not colon or busy.isdecimal()) and (not slash or steps in ("1", "2"))
         if not known or not indices or len(indices) < len(names) or max(indices) >= count:
             raise misread(number, line, "a kind and the operations that share it, 'multiply %3 %5'")
-        found.append(Unit(kind=kind, operations=tuple(indices), busy=int(busy or 1)))
+        found.append(Unit(kind=kind, operations=tuple(indices), busy=int(busy or 1), steps=int(steps or 1)))
     return tuple(found)
 
 

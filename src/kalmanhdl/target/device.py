@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+OPERANDS = "operands"
+"""The choice of operands before shared operators, which is derated as a kind of its own."""
+
 DERATED = (
     *("add", "subtract", "multiply", "divide", "reciprocal", "unary"),
     *("quantise", "outside", "select", "table", "shift", "and", "or", "negative", "notfinite"),
+    OPERANDS,
 )
 """The kinds of operators whose delays can be derated, in the schedule's words."""
 
