@@ -101,7 +101,7 @@ CALLS = {
         Processor,
         {"size": 3, "width": 32, "fraction": 16, "multipliers": 9, "matrices": 64, "program_words": 512},
     ),
-    "Target": (Target, {"device": "ecp5-25k", "grade": 6, "seeds": 1}),
+    "Target": (Target, {"device": "ecp5-25k", "grade": 6, "seeds": 1, "rounds": 2, "derate": {"add": 1.5}}),
     "Design": (
         Design,
         {

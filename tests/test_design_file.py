@@ -24,6 +24,7 @@ from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.numerics.functions.method import Cordic, Interpolation
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
+from kalmanhdl.target import DERATED
 
 DESIGNS = Path(__file__).parents[1] / "designs"
 
@@ -438,6 +439,7 @@ def designs(draw):
         ),
     )
     blocks = st.none() | st.integers(0, 99)
+    clock_mhz = draw(st.none() | st.floats(1, 900))
     return Design(
         name="drawn",
         model=model,
@@ -446,11 +448,17 @@ def designs(draw):
         architecture=Architecture(
             interval=draw(st.none() | st.integers(1, 99)),
             channels=draw(st.integers(1, 65536)),
-            clock_mhz=draw(st.none() | st.floats(1, 900)),
+            clock_mhz=clock_mhz,
             multiplier_blocks=draw(blocks),
             multiplier=draw(st.sampled_from(LogicProduct)),
         ),
-        target=Target(device=draw(st.sampled_from(["ecp5-25k", "ecp5-85k"])), grade=8, seeds=1),
+        target=Target(
+            device=draw(st.sampled_from(["ecp5-25k", "ecp5-85k"])),
+            grade=8,
+            seeds=1,
+            rounds=draw(st.integers(0, 16)) if clock_mhz else 0,
+            derate=draw(st.dictionaries(st.sampled_from(DERATED), st.floats(1, 10), max_size=3)),
+        ),
     )
 
 

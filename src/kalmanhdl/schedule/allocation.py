@@ -56,7 +56,7 @@ class Task:
         )
 
     def _late(self, shared: Sharing) -> frozenset[str]:
-        """The kinds of operators whose operands, slower than the table says, cannot be chosen in one cycle."""
+        """The kinds whose operands, slower to choose than the table says, are too slow for one cycle."""
         slower = self.device.derate.get(OPERANDS, 1.0)
         if slower == 1:
             return frozenset()
