@@ -1,4 +1,4 @@
-"""What a user is told of the rounds: in the report, on the page, in the printed table, and of wrong options."""
+"""What a user is told of the rounds: in report, page and printed table, and of wrong options."""
 
 from dataclasses import replace
 from pathlib import Path
