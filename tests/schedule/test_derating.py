@@ -17,6 +17,7 @@ from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.placement import step_of
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.text import parse_plan, print_plan
 from kalmanhdl.target.device import DERATED, Device
 from planning import planned
 
@@ -52,6 +53,7 @@ def test_shared_operators_have_a_schedule_without_problems(
         assume("cannot share" not in str(error))
         raise
     assert problems(plan, part) == []
+    assert parse_plan(print_plan(plan)) == plan
 
 
 def test_a_chain_is_cut_where_it_took_too_long():
@@ -65,6 +67,18 @@ def test_a_chain_is_cut_where_it_took_too_long():
     assert problems(cut, part) == []
     assert (chained.latency, cut.latency) == (1, 2)
     assert cut.registers == chained.registers
+
+
+def test_operands_that_are_slow_to_choose_are_chosen_in_two_steps():
+    typed, units = alpha_beta(), {"multiply": 1}
+    one = planned(typed, PLAUSIBLE, None, 1, units=units)
+    part = replace(PLAUSIBLE, derate={"operands": 9.0})
+    two = planned(typed, part, None, 1, units=units)
+    assert problems(two, part) == []
+    assert ([unit.steps for unit in one.units], [unit.steps for unit in two.units]) == ([1], [2])
+    operation = two.units[0].operations[0]
+    assert two.registers[operation] == one.registers[operation] + 1
+    assert "\n  multiply/2 %" in print_plan(two)
 
 
 def test_what_cannot_be_cut_has_its_stage_for_itself():
