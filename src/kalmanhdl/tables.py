@@ -124,7 +124,7 @@ def _clock(
     if closure is None:
         return rows
     for number, one in enumerate(closure.rounds):
-        where = " and ".join(f"{part.kind} ({part.name})" for part in one.critical) or "the streams"
+        where = ", ".join(f"{part.kind} ({part.name})" for part in one.critical) or "no operator"
         kept = ", kept" if number == closure.kept else ""
         rows.append(
             (

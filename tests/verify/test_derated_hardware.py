@@ -1,10 +1,13 @@
 """Hardware with more latency than the table asks for is bit for bit the engine too."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from every_algorithm import every_algorithm
+from kalmanhdl.design import Design
+from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.pipeline import compile_design, verify
 from kalmanhdl.target import DERATED
 from random_designs import random_design
@@ -39,6 +42,15 @@ def test_iterative_operators_choose_operands_in_two_steps():
     plan, found = runs(design, {"operands": 6.0}, interval=None, units=units, iterative=kinds)
     assert {unit.steps for unit in plan.units} == {2}
     assert {unit.busy > 1 for unit in plan.units} == {True}
+    assert all(run.mismatches == 0 for run in found)
+
+
+@pytest.mark.slow
+def test_floating_point():
+    design = Design.load(Path(__file__).parents[2] / "designs" / "nile.toml")
+    design = replace(design, numerics=FloatSpecification(exponent=8, mantissa=12))
+    plan, found = runs(design, ALL, units={"add": 1, "multiply": 1})
+    assert {unit.steps for unit in plan.units} == {2}
     assert all(run.mismatches == 0 for run in found)
 
 
