@@ -11,7 +11,7 @@ from kalmanhdl.closure import rounds
 from kalmanhdl.closure.rounds import close
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dumps, loads
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, ToolError
 from kalmanhdl.pipeline import Implemented, compile_design, numbers_of, planned, realised, verify
 
 DESIGNS = Path(__file__).parents[2] / "designs"
@@ -107,6 +107,37 @@ def test_a_path_in_the_streams_ends_the_rounds():
         return Implemented(placements=(placed(100.0, path),), seconds={})
 
     assert "runs through no operator" in close(hardware("nile", 150.0), place=place).closure.stopped
+
+
+def test_a_round_that_does_not_fit_leaves_the_one_before():
+    placer = Placer({"quantise": 1.9})
+
+    def place(hardware, progress):
+        if placer.plans:
+            raise ToolError("nextpnr-ecp5: the device is full")
+        return placer(hardware, progress)
+
+    found = close(hardware("lee1997", 120.0, channels=64), place=place)
+    assert len(found.closure.rounds) == 1
+    assert found.closure.stopped.endswith("the device is full")
+    assert found.hardware.design.target.derate == {}
+
+
+def test_the_first_placement_must_succeed():
+    def place(hardware, progress):
+        raise ToolError("nextpnr-ecp5: the device is full")
+
+    with pytest.raises(ToolError, match="the device is full"):
+        close(hardware("lee1997", 120.0), place=place)
+
+
+def test_what_has_all_its_registers_is_not_scheduled_anew(monkeypatch):
+    schedules = []
+    monkeypatch.setattr(rounds, "planned", lambda *given: schedules.append(given) or planned(*given))
+    # One piece of the reciprocal alone takes longer than the clock.
+    found = close(hardware("lee1997", 180.0, channels=64), place=Placer({"reciprocal": 3.0}))
+    assert "reciprocal (update: K[1,0] term): it has its stages for itself" in found.closure.stopped
+    assert len(schedules) <= 2
 
 
 def test_the_closed_design_gives_the_same_schedule_again():

@@ -95,11 +95,16 @@ class Reader:
 
     def shape(self, operations: Iterable[int]) -> list[tuple[int, list[int]]]:
         """For each operation its registers, and the operations that follow it without one."""
-        return [(self._plan.registers[k], [user for user in self._users[k] if self._follows(user, k)])
-                for k in operations]  # fmt: skip
+        return [(self._plan.registers[k], list(self._following(k))) for k in operations]
 
-    def _follows(self, user: int, index: int) -> bool:
-        return self._plan.start[user] == self._plan.end(index)
+    def full(self, kind: str, operations: Iterable[int]) -> bool:
+        """Whether those of a kind hold all the registers that they can, the one behind them included."""
+        those = [k for k in operations if self._library[k].kind == kind]
+        held = (self._plan.registers[k] == self._library[k].capacity for k in those)
+        return bool(those) and all(self._library[k].derate > 1 for k in those) and all(held)
+
+    def _following(self, index: int) -> Iterable[int]:
+        return (user for user in self._users[index] if self._plan.start[user] == self._plan.end(index))
 
     def _sorted(self, named: Mapping[int, float]) -> tuple[Part, ...]:
         kinds: dict[str, dict[int, float]] = {}

@@ -13,7 +13,7 @@ from math import ceil
 
 from kalmanhdl.closure.path import Part, Reader, Reading
 from kalmanhdl.design import MAX_DERATE, Design
-from kalmanhdl.errors import ScheduleError
+from kalmanhdl.errors import ScheduleError, ToolError
 from kalmanhdl.pipeline import Hardware, Implemented, Progress, implement, planned, realised, silent
 from kalmanhdl.schedule.plan import Plan
 
@@ -84,14 +84,19 @@ def close(hardware: Hardware, progress: Progress = silent, place: Place = implem
 
     Kept is the round in which steps follow each other soonest, at a clock that counts no more than was asked
     for; of equal ones that of the shortest latency. Its design has the factors, and no rounds left to go.
-    Raises ToolError.
+    Raises ToolError where the first placement fails.
     """
     asked, most = hardware.design.architecture.clock_mhz, hardware.design.target.rounds
     assert asked is not None, "checked with the design"
     tried = [_tried(hardware, place(hardware, progress), asked, "")]
     while isinstance(follows := _after(tried, asked, most, progress), _Change):
         made = realised(follows.design, hardware.numbers, follows.plan, progress)
-        tried.append(_tried(made, place(made, progress), asked, follows.words))
+        try:
+            tried.append(_tried(made, place(made, progress), asked, follows.words))
+        except ToolError as error:
+            # Such as a device that is too small for more registers: what was placed before stands.
+            follows = f"{follows.words}: {error}"
+            break
     rounds = tuple(one.round for one in tried)
     kept = min(range(len(rounds)), key=lambda k: (*_merit(rounds[k], asked), k))
     best = tried[kept]
@@ -152,7 +157,11 @@ def _changed(last: _Tried, part: Part, asked: float, soonest: float) -> _Change 
     design = hardware.design
     if part.kind in (design.architecture.clocks or {}):
         return f"{where}: architecture.clocks says how many clocks it takes"
-    shape = _shape(last, hardware.plan)
+    reader = Reader(hardware.plan, design.target.part)
+    alone = f"{where}: it has its stages for itself, and they cannot be cut"
+    if reader.full(part.kind, last.reading.operations):
+        return alone
+    shape = reader.shape(last.reading.operations)
     for factor in _factors(last, part):
         derated = replace(
             design, target=replace(design.target, derate={**design.target.derate, part.kind: factor})
@@ -161,16 +170,12 @@ def _changed(last: _Tried, part: Part, asked: float, soonest: float) -> _Change 
             plan = planned(derated, hardware.numbers)
         except ScheduleError as error:
             return f"{where}: {error}"
-        if _shape(last, plan) == shape:
+        if Reader(plan, derated.target.part).shape(last.reading.operations) == shape:
             continue
         problem = _refused(plan, hardware.plan, asked, soonest)
         words = f"{where}: {factor:g} times the delay of the device's table"
         return f"{where}: {problem}" if problem else _Change(design=derated, plan=plan, words=words)
-    return f"{where}: it has its stages for itself, and they cannot be cut"
-
-
-def _shape(last: _Tried, plan: Plan) -> list[tuple[int, list[int]]]:
-    return Reader(plan, last.hardware.design.target.part).shape(last.reading.operations)
+    return alone
 
 
 def _factors(last: _Tried, part: Part) -> list[float]:
