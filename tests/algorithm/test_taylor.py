@@ -1,7 +1,9 @@
 """The expansion of the inverse: how good it is, and what it says when it is not."""
 
 import itertools
+import re
 import warnings
+from ast import literal_eval
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from kalmanhdl.design_file import loads
 from kalmanhdl.errors import DesignError, ModelError
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.state_space import linear_model
+from kalmanhdl.simulate.commands import commands
+from kalmanhdl.simulate.reference import reference
 from kalmanhdl.validation import KalmanhdlWarning
 from linear_models import estimated, random_model, random_plots
 
@@ -105,11 +109,39 @@ def _falling():
 
 def test_an_expansion_that_diverges_is_warned_of_with_one_that_does_not():
     model = _falling()
-    with pytest.warns(KalmanhdlWarning, match=r'"steady_state" does not converge .* write about = "initial"'):
+    with pytest.warns(KalmanhdlWarning, match=r'"steady_state" does not converge .* write about = '):
         Taylor()(model)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Taylor("initial")(model)
+
+
+def _recommended(text):
+    """The point that a message recommends."""
+    return literal_eval(re.search(r"write about = (\"\w+\"|\[\[.*?\]\])", text)[1])
+
+
+@pytest.mark.parametrize("coast", [0, 1, 2, 5])
+def test_the_point_recommended_converges_however_many_plots_are_missed(coast):
+    model, rng = _falling(), np.random.default_rng(coast)
+    with pytest.warns(KalmanhdlWarning) as caught:
+        Taylor()(model)
+    better = Taylor(_recommended(str(caught[0].message)))
+    assert better.trouble(model, coast) == ""
+    z = rng.standard_normal((400, 8, 1))
+    z[np.arange(400) % (coast + 1) > 0] = np.nan
+    found = reference(better(model), commands(model, z, np.ones((400, 8), bool)), z, np.zeros((400, 8, 0)))
+    assert np.abs(found.x).max() < 1e4
+
+
+def test_misses_that_make_it_diverge_are_told_with_how_many_it_bears():
+    model = _falling()
+    trouble = Taylor("initial").trouble(model, 5)
+    assert re.search(r"missed 5 times in a row.*write about = \[\[", trouble)
+    assert Taylor("initial").trouble(model, 0) == ""
+    borne = int(re.search(r"coast = (\d)$", trouble)[1])
+    assert Taylor("initial").trouble(model, borne) == ""
+    assert Taylor("initial").trouble(model, borne + 1) != ""
 
 
 def test_the_remedy_may_be_a_covariance_above_all_others():

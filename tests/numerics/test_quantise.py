@@ -14,6 +14,8 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design
 from kalmanhdl.errors import FormatError
 from kalmanhdl.graph.operations import Multiply, Outside, Quantise, operands
+from kalmanhdl.model.initial import given
+from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.numerics.integers import numbers
 from kalmanhdl.numerics.signed_digits import canonical_signed_digits
 from kalmanhdl.numerics.specification import FixedSpecification
@@ -146,3 +148,20 @@ def test_a_start_fits_also_where_every_track_leaves_the_declared_ranges_at_once(
     wild = replace(LEE.model, R=np.diag([1e13, 2.9e-4]))
     found = numbers(wild, ALGORITHMS["conventional"](), LEE.numerics)
     assert dict(found.typed.graph.states)
+
+
+def test_a_prediction_that_a_valid_measurement_puts_aside_saturates_nothing():
+    # Formats for no miss at all: the first prediction of P is beyond them, and is never kept.
+    model = linear_model(
+        [[1, 0.5], [0, 1]],
+        [[1, 0]],
+        np.diag([0.01, 0.2]),
+        [[4]],
+        initial=given([0, 0], np.diag([100, 25])),
+        measurement_range=[[-500, 500]],
+    )
+    design = Design(name="near", model=model, numerics=FixedSpecification(width=32, coast=0))
+    kept = design.simulate(np.array([[1], [2], [1], [2], [3]]))
+    assert kept.saturations == 0
+    missed = design.simulate(np.array([[1], [np.nan], [np.nan], [np.nan], [3]]))
+    assert missed.saturations > 0

@@ -21,7 +21,8 @@ class Conventional(Algorithm):
 
     The cheapest form. Rounding can cost P its symmetry, which is kept by computing one triangle, and its
     definiteness, which is not: choose Joseph where P spans many orders of magnitude. Multiplications of
-    signals for dense H: about n m (n + m) + n (n + 1) m / 2 + m^3 / 3, and m reciprocals.
+    signals for dense H: about n m (n + m) + n (n + 1) m / 2 + m^3 / 3, and m reciprocals; the prediction of P
+    takes about n^2 (3 n + 1) / 2 by constants for dense F.
     """
 
     kind: ClassVar[str] = "conventional"

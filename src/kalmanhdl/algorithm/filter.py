@@ -92,6 +92,10 @@ class Algorithm:
         """The same choice for ``model`` in units in which P (n, n) is divided by ``covariance``."""
         return self
 
+    def trouble(self, model: Model, coast: int) -> str:
+        """What goes wrong when ``coast`` measurements in a row are missed, and what helps; empty: nothing."""
+        return ""
+
 
 def step(filter_: Filter, memory: Memory, given: Given) -> Outcome:
     """One command on one track: initialise, or predict and then update with what is valid.

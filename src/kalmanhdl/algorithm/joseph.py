@@ -21,7 +21,8 @@ class Joseph(Algorithm):
 
     Right for any gain, and a sum of two terms that are positive semidefinite: choose it where the gain
     is coarse or approximate. Multiplications of signals for dense H: about n m (n + m) for the gain, and
-    2 n^3 + n^2 m for the covariance.
+    2 n^3 + n^2 m for the covariance; the prediction of P takes about n^2 (3 n + 1) / 2
+    by constants for dense F.
     """
 
     kind: ClassVar[str] = "joseph"

@@ -1,7 +1,7 @@
 """The covariance filter whose inverse is a Taylor expansion about a covariance known beforehand."""
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -34,6 +34,10 @@ POINTS: tuple[About, ...] = ("identity", "initial", "steady_state")
 MAX_NEWTON = 8
 # Every combination of valid components has constants of its own.
 MAX_BLOCK = 6
+# So many misses in a row must a point bear that is recommended: what formats are made for if nothing is said.
+_MISSED = 5
+# So many covariances are added up at most to cover all others.
+_COVERING = 32
 # So many updates show whether an expansion converges on the way to the steady state.
 _WATCHED = 1000
 
@@ -81,6 +85,24 @@ class Taylor(Algorithm):
         """The same expansion, its point in the units of the hardware."""
         return _Expanded(_rows(self.point(as_linear(model, self)) / covariance), self.newton)
 
+    def trouble(self, model: Model, coast: int) -> str:
+        """Misses raise S: whether the expansion converges when ``coast`` of them come in a row, for ever.
+
+        Nothing, where it does not converge without them, which calling it warns of.
+        """
+        linear = as_linear(model, self)
+        P0 = self.point(linear)
+        radius = _greatest_radius(linear, P0, _path(linear, coast))
+        if radius < 1.0 or _greatest_radius(linear, P0, _path(linear, 0)) >= 1.0:
+            return ""
+        borne = [k for k in range(coast) if _greatest_radius(linear, P0, _path(linear, k)) < 1.0]
+        fewer = f", or allow fewer misses: [numerics] coast = {borne[-1]}" if borne else ""
+        return (
+            f"[algorithm] about = {_named(self.about)} does not converge when measurements are missed "
+            f"{coast} times in a row, as [numerics] coast = {coast} says: the spectral radius of I - S S0^-1 "
+            f"comes to {radius:.3g}, which must stay below 1: {_remedy(linear, coast)}{fewer}"
+        )
+
     def point(self, model: LinearModel) -> Numbers:
         """The covariance about which the expansion is made. Shape (n, n)."""
         match self.about:
@@ -106,10 +128,7 @@ def gain_error(model: LinearModel, P0: Numbers, P: Numbers, newton: int = 0) -> 
 
 def spectral_radius(model: LinearModel, P0: Numbers, P: Numbers) -> float:
     """The spectral radius of I - S S0^-1; below 1 the expansion about P0 converges at P."""
-    L = np.linalg.cholesky(steady_state.innovation_covariance(model, P0))
-    S = steady_state.innovation_covariance(model, P)
-    M = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    return float(np.abs(1.0 - np.linalg.eigvalsh((M + M.T) / 2)).max())
+    return _greatest_radius(model, P0, [P])
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,34 +233,74 @@ def _chosen(values: dict[tuple[int, ...], Any], valid: Sequence[Condition], used
 
 
 def _warn_of_divergence(model: LinearModel, P0: Numbers, about: About | Point) -> None:
-    path = steady_state.approach(model, _WATCHED)
-    radius = _greatest_radius(model, P0, path)
+    radius = _greatest_radius(model, P0, _path(model, 0))
     if radius < 1.0:
         return
-    name = f'"{about}"' if isinstance(about, str) else "this matrix"
     warnings.warn(
-        f"[algorithm] about = {name} does not converge for this model: on its way from the start to the "
-        f"steady state the spectral radius of I - S S0^-1 comes to {radius:.3g}, which must stay below 1: "
-        f"{_remedy(model, path)}",
+        f"[algorithm] about = {_named(about)} does not converge for this model: on its way from the start "
+        f"to the steady state the spectral radius of I - S S0^-1 comes to {radius:.3g}, which must stay "
+        f"below 1: {_remedy(model, _MISSED)}",
         KalmanhdlWarning,
         stacklevel=3,
     )
 
 
-def _remedy(model: LinearModel, path: Sequence[Numbers]) -> str:
-    """A point of expansion that converges."""
-    for name, P0 in (("initial", path[0]), ("steady_state", path[-1])):
-        if _greatest_radius(model, P0, path) < 1.0:
+def _named(about: About | Point) -> str:
+    return f'"{about}"' if isinstance(about, str) else "this matrix"
+
+
+def _path(model: LinearModel, coast: int) -> Sequence[Numbers]:
+    """A priori covariances on the way to the steady state, after no miss and after ``coast`` in a row.
+
+    Also where so many come between any two updates.
+    """
+    straight = steady_state.approach(model, _WATCHED)
+    if not coast:
+        return straight
+    path, P = [*straight], straight[0]
+    for before in straight:
+        for seldom in (before, P):
+            missed = seldom
+            for _ in range(coast):
+                missed = steady_state.predicted(model, missed)
+            path.append(missed)
+        P = steady_state.predicted(model, steady_state.corrected(model, missed))
+    return path
+
+
+def _remedy(model: LinearModel, coast: int) -> str:
+    """A point of expansion that converges, with so many misses in a row."""
+    path = _path(model, coast)
+    for name in ("initial", "steady_state"):
+        if _greatest_radius(model, Taylor(about=name).point(model), path) < 1.0:
             return f'write about = "{name}"'
     # Above half of every covariance on the way there is nothing to turn round.
-    covering = sum(path[:: max(1, len(path) // 16)], path[-1])
-    if _greatest_radius(model, covering, path) < 1.0:
-        return f"write about = {np.array2string(covering, precision=3, separator=', ')}"
+    covering = path[0]
+    for _ in range(_COVERING):
+        printed = np.array([[float(f"{entry:.3g}") for entry in row] for row in covering])
+        radii = _radii(model, printed, path) if _is_covariance(printed) else None
+        if radii is not None and radii.max() < 1.0:
+            rows = ", ".join("[" + ", ".join(f"{entry:.3g}" for entry in row) + "]" for row in printed)
+            return f"write about = [{rows}]"
+        covering = covering + path[int(np.argmax(_radii(model, covering, path)))]
     return 'choose "conventional"'
 
 
-def _greatest_radius(model: LinearModel, P0: Numbers, path: Iterable[Numbers]) -> float:
-    return max(spectral_radius(model, P0, P) for P in path)
+def _is_covariance(P: Numbers) -> bool:
+    return bool(np.linalg.eigvalsh(P)[0] >= -1e-9 * np.abs(P).max())
+
+
+def _greatest_radius(model: LinearModel, P0: Numbers, path: Sequence[Numbers]) -> float:
+    return float(_radii(model, P0, path).max())
+
+
+def _radii(model: LinearModel, P0: Numbers, path: Sequence[Numbers]) -> Numbers:
+    """``spectral_radius`` at each covariance of a path. Shape (len(path),)."""
+    L = np.linalg.cholesky(steady_state.innovation_covariance(model, P0))
+    S = model.H @ np.stack(path) @ model.H.T + model.R
+    half = np.linalg.solve(L, S).swapaxes(1, 2)
+    M = np.linalg.solve(L, half)
+    return np.asarray(np.abs(1.0 - np.linalg.eigvalsh((M + M.swapaxes(1, 2)) / 2)).max(axis=1))
 
 
 def _rows(matrix: Numbers) -> Point:
@@ -268,7 +327,7 @@ def _checked(P0: Numbers, model: LinearModel) -> Numbers:
         size = " x ".join(map(str, P0.shape))
         raise InvalidModelValueError("algorithm", "about", f" is {size}: {model.n} x {model.n}, as F")
     symmetrical = np.isfinite(P0).all() and np.allclose(P0, P0.T, rtol=1e-9, atol=0.0)
-    if not symmetrical or np.linalg.eigvalsh(P0)[0] < -1e-9 * np.abs(P0).max():
+    if not symmetrical or not _is_covariance(P0):
         problem = " is no covariance: make it symmetric and positive semidefinite"
         raise InvalidModelValueError("algorithm", "about", problem)
     return (P0 + P0.T) / 2

@@ -20,7 +20,7 @@ from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.numerics.units import units
-from kalmanhdl.validation import InvalidModelValueError, InvalidValueError
+from kalmanhdl.validation import InvalidModelValueError, InvalidValueError, KalmanhdlWarning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +73,9 @@ def in_reals(
     if not np.isfinite(plots.z).all():
         problem = ": the model's tracks leave the numbers of double precision"
         raise InvalidModelValueError("model", "measurement_range", problem)
+    trouble = algorithm.trouble(model, specification.coast)
+    if trouble:
+        warnings.warn(trouble, KalmanhdlWarning, stacklevel=2)
     scaling = units(model, algorithm(model), specification, plots)
     try:
         inner = model.in_units(scaling)

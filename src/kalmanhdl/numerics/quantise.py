@@ -474,14 +474,19 @@ class _Lowering:
 
     def _where_chosen(self, view: Graph, needed: set[int], index: int, outside: int) -> int:
         """The flag where the value is taken: what a missed measurement would be is of no account."""
-        users = [view.operations[user] for user in view.users[index] if user in needed]
-        choices = {(user.flag, user.a == index) for user in users if isinstance(user, Select)}
-        if index in view.roots or len(choices) != 1 or not all(isinstance(user, Select) for user in users):
-            return outside
-        ((flag, holds),) = choices
-        if view.operations[flag] == Flag("initialise"):
-            return outside
-        return self.builder.both(outside, flag if holds else self.builder.opposite(flag))
+        while index not in view.roots:
+            users = [user for user in view.users[index] if user in needed]
+            selects = [op for user in users if isinstance(op := view.operations[user], Select)]
+            choices = {(op.flag, op.a == index) for op in selects}
+            if len(choices) != 1 or len(selects) < len(users):
+                break
+            ((flag, holds),) = choices
+            if view.operations[flag] != Flag("initialise"):
+                outside = self.builder.both(outside, flag if holds else self.builder.opposite(flag))
+            if len(users) > 1:
+                break
+            (index,) = users
+        return outside
 
     def _outside(self, index: int, operation: Operation) -> int | None:
         """The flag that a value does not fit its format, None where it always does."""

@@ -19,7 +19,7 @@ from kalmanhdl.validation import InvalidValueError
 Array = NDArray[np.float64]
 
 # What no state of a filter that works comes to, whatever its unit.
-_DIVERGED = 1e100
+_DIVERGED = 1e40
 
 
 def units(model: Model, filter_: Filter, specification: FixedSpecification, plots: Plots) -> Scaling:
@@ -34,7 +34,9 @@ def units(model: Model, filter_: Filter, specification: FixedSpecification, plot
     graph = trace(model, filter_)
     ranges, roots = observed(graph, model, plots), dict(graph.outputs)
     for i, name in enumerate(model.state_names):
-        _check_converged(name, ranges, roots[f"x[{i}]"])
+        _check_converged(f"state {name}", ranges, roots[f"x[{i}]"], _DIVERGED)
+        if f"P[{i},{i}]" in roots:
+            _check_converged(f"the variance of {name}", ranges, roots[f"P[{i},{i}]"], _DIVERGED**2)
     if isinstance(specification.scale, tuple):
         state = np.array(specification.scale)
     else:
@@ -54,10 +56,10 @@ def units(model: Model, filter_: Filter, specification: FixedSpecification, plot
     )
 
 
-def _check_converged(name: str, ranges: Ranges, root: int) -> None:
+def _check_converged(what: str, ranges: Ranges, root: int, most: float) -> None:
     reach = max(-ranges.low[root], ranges.high[root])
-    if not reach < _DIVERGED:
-        problem = f"state {name} comes to {reach:.1e} in floats on tracks drawn from the model"
+    if not reach < most:
+        problem = f"{what} comes to {reach:.1e} in floats on tracks drawn from the model"
         raise FormatError(
             f"{problem}: the filter diverges; choose another algorithm, or mend the model", table="model"
         )
