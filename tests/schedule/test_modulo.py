@@ -16,7 +16,7 @@ from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.graph.operations import Add, Input, Multiply, State, Subtract, is_flag
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.checker import problems
-from kalmanhdl.schedule.operators import operators
+from kalmanhdl.schedule.operators import operators, shared_operator
 from kalmanhdl.target.device import Device
 from planning import planned
 
@@ -213,6 +213,24 @@ def test_wide_multiplications_count_a_block_for_each_pair_of_limbs():
     typed = b.typed({"x": b.quantise(product, WORD, Rounding.FLOOR, Overflow.WRAP)}, {}, Rounding.FLOOR)
     assert operators(typed, PLAUSIBLE, frozenset({product}))[product].blocks == 4
     assert planned(typed, PLAUSIBLE, None, 1, multiplier_blocks=3).on_multiplier_block == frozenset()
+
+
+@pytest.mark.parametrize(("width", "by_constant", "blocks"), [(18, True, 1), (20, True, 1), (20, False, 2)])
+def test_a_product_by_a_constant_does_not_widen_the_multipliers_that_others_share(width, by_constant, blocks):
+    b = Builder()
+    x = [b.source(State(f"x[{k}]"), WORD) for k in range(4)]
+    wide = b.source(State("w"), Fixed(width=width, fraction=8))
+    products = [b.multiply(x[k], x[k - 1]) for k in range(4)]
+    products.append(b.multiply(wide, b.constant(13_337, 15) if by_constant else x[0]))
+    roots = [b.quantise(k, WORD, Rounding.FLOOR, Overflow.WRAP) for k in products]
+    typed = b.typed({f"x[{k}]": roots[k] for k in range(4)} | {"w": roots[4]}, {}, Rounding.FLOOR)
+    plan = planned(typed, PLAUSIBLE, None, 1, units={"multiply": 2})
+    who = plan.sharing.operations["multiply"]
+    assert shared_operator(typed, "multiply", who, PLAUSIBLE, 2, frozenset(who)).blocks == blocks
+    spared = width > 18 and by_constant
+    assert (products[-1] in who) is not spared
+    assert (products[-1] in plan.on_multiplier_block) is not spared
+    assert not problems(plan, PLAUSIBLE)
 
 
 @settings(max_examples=30, deadline=None)

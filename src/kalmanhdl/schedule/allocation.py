@@ -29,6 +29,7 @@ class Task:
     typed: TypedGraph | FloatGraph
     device: Device
     on_block: frozenset[int]
+    wide: frozenset[int]
     period: int
     wanted: Wanted
 
@@ -38,14 +39,14 @@ class Task:
         return Effort(self.wanted.solver_seconds)
 
     @cached_property
-    def small(self) -> tuple[int, ...]:
-        """Products that cost less in logic than the choice of operands would."""
-        operations = enumerate(self.typed.graph.operations)
-        return tuple(k for k, o in operations if isinstance(o, Multiply) and not is_multiplier(self.typed, k))
+    def own(self) -> tuple[int, ...]:
+        """Products that take no turns: ``wide``, and what costs less in logic than the choice of operands."""
+        products = (k for k, o in enumerate(self.typed.graph.operations) if isinstance(o, Multiply))
+        return tuple(k for k in products if k in self.wide or not is_multiplier(self.typed, k))
 
     def on(self, units: Mapping[str, int]) -> "Attempt":
         """The step on so many operators. Raises ScheduleError where they cannot be shared."""
-        shared = sharing(self.typed, units, own=self.small, iterative=self.wanted.iterative)
+        shared = sharing(self.typed, units, own=self.own, iterative=self.wanted.iterative)
         shared = replace(shared, two_steps=self._late(shared))
         step = step_of(self.typed, self.device, self.wanted.channels, self.on_block, shared)
         return Attempt(
@@ -152,7 +153,7 @@ def _shareable(task: Task) -> dict[str, int]:
     found: dict[str, int] = {}
     for kind in FEW:
         try:
-            shared = sharing(task.typed, {kind: 1}, own=task.small)
+            shared = sharing(task.typed, {kind: 1}, own=task.own)
         except ScheduleError:
             # Reciprocals of different precision keep an operator each.
             continue

@@ -6,7 +6,7 @@ from kalmanhdl.schedule.allocation import Task, allocated
 from kalmanhdl.schedule.attempt import Allocation
 from kalmanhdl.schedule.binding import bound as bound_units
 from kalmanhdl.schedule.lifetimes import with_fewer_registers
-from kalmanhdl.schedule.multipliers import on_blocks
+from kalmanhdl.schedule.multipliers import on_blocks, too_wide
 from kalmanhdl.schedule.operator import picoseconds
 from kalmanhdl.schedule.placement import Pace, Step, earliest, least_latency, pace, step_of, tight
 from kalmanhdl.schedule.plan import Plan
@@ -30,10 +30,16 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
     interval, channels = wanted.interval, wanted.channels
     single_cycle = interval == 1 and channels == 1
     on_block = on_blocks(typed, device, wanted.multiplier_blocks, outputs_in_logic=single_cycle)
+    if wanted.units and "multiply" in wanted.units and "multiply" not in wanted.iterative:
+        wide = too_wide(typed, device, on_block, wanted.units["multiply"])
+    else:
+        wide = frozenset[int]()
+    on_block -= wide
     step = step_of(typed, device, channels, on_block)
     period = picoseconds(1000 / wanted.clock_mhz if wanted.clock_mhz else device.pipelined_period_ns)
     deep = pace(step, max(period, step.shortest_period))
-    shared = allocated(Task(typed=typed, device=device, on_block=on_block, period=period, wanted=wanted))
+    task = Task(typed=typed, device=device, on_block=on_block, wide=wide, period=period, wanted=wanted)
+    shared = allocated(task)
     if shared is not None:
         return _plan(typed, wanted, on_block, shared)
     bound = recurrence(deep).bound

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterable
 
-from kalmanhdl.graph.operations import Graph, is_flag, operands
+from kalmanhdl.graph.operations import Constant, Graph, Multiply, is_flag, operands
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.operators import is_multiplier, operators
+from kalmanhdl.schedule.operators import is_multiplier, operators, shared_operator
 from kalmanhdl.target.device import Device
 
 
@@ -38,6 +38,32 @@ def on_blocks(
         kept.discard(index)
         used -= library[index].blocks
     return frozenset(kept)
+
+
+def too_wide(
+    typed: TypedGraph | FloatGraph, device: Device, on_block: frozenset[int], count: int
+) -> frozenset[int]:
+    """Products by constants that ``count`` shared multipliers of a block each are better spared.
+
+    One operand wider than a block makes all multipliers larger on which its product takes turns. Such
+    products, where they are no more than the multipliers, are sums of shifts instead; none of them where
+    others are too wide as well.
+    """
+    graph = typed.graph
+    products = [k for k in sorted(on_block) if isinstance(graph.operations[k], Multiply)]
+    if isinstance(typed, FloatGraph) or len(products) <= count:
+        return frozenset()
+
+    def blocks(who: list[int]) -> int:
+        return shared_operator(typed, "multiply", tuple(who), device, count, on_block).blocks
+
+    wide = frozenset(k for k in products if blocks([k]) > 1)
+    rest = [k for k in products if k not in wide]
+    by_constants = all(
+        any(isinstance(graph.operations[a], Constant) for a in operands(graph.operations[k])) for k in wide
+    )
+    spared = by_constants and len(wide) <= count and bool(rest) and blocks(rest) == 1
+    return wide if spared else frozenset()
 
 
 def _behind(roots: Iterable[int], graph: Graph) -> frozenset[int]:
