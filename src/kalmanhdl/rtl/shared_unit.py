@@ -35,8 +35,8 @@ class SharedUnit(Component):
         self.core: Core = core(plan.typed, unit.kind, plan.sharing.operations[unit.kind])
         self.choices: tuple[Port, ...] = ports(plan, unit)
         self._operations = plan.typed.graph.operations
-        # Those before the last of them stand among the choices.
-        self._registers = plan.registers[unit.operations[0]] - unit.steps
+        # Those before the last of them stand among the choices; a kept result has one of its own.
+        self._registers = plan.registers[unit.operations[0]] - unit.steps - self.core.kept
         operands = {f"operand_{k}": In(shape_of(one.form)) for k, one in enumerate(self.core.operands)}
         sign = {"subtract": In(1)} if unit.kind in ("add", "subtract") else {}
         sign |= {"start": In(1)} if unit.busy > 1 else {}
@@ -79,7 +79,10 @@ class SharedUnit(Component):
         """In floating point; a difference is a sum with a number of the other sign."""
         sums = [k for k in self.unit.operations if isinstance(self._operations[k], Add)]
         m.submodules.core = inner = float_core(self._plan, (sums or self.unit.operations)[0], self._registers)
-        m.d.comb += self.result.eq(inner.result)
+        # Far too many ports choose it for the stage in which it is rounded.
+        kept = Signal.like(self.result, name="kept", reset_less=True)
+        m.d.sync += kept.eq(inner.result)
+        m.d.comb += self.result.eq(kept)
         if len(taken) == 1:
             # Of a reciprocal the only operand is the divisor.
             m.d.comb += inner.b.eq(taken[0])

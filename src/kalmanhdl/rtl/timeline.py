@@ -60,13 +60,16 @@ class Phases:
         for field, words in self._fields:
             rows = [row | word << offset for row, word in zip(rows, words, strict=True)]
             offset += len(field)
-        store = Memory(shape=offset, depth=self.interval, init=rows)
+        # A block RAM is slow to give what it reads: each word is read a clock early, and stands in registers.
+        store = Memory(shape=offset, depth=self.interval, init=rows[1:] + rows[:1])
         self._m.submodules.control_store = store
         port = store.read_port()
+        word = Signal(offset, name="control_word", reset_less=True)
         self._m.d.comb += port.addr.eq(self._next)
+        self._m.d.sync += word.eq(port.data)
         offset = 0
         for field, _ in self._fields:
-            self._m.d.comb += field.eq(port.data[offset : offset + len(field)])
+            self._m.d.comb += field.eq(word[offset : offset + len(field)])
             offset += len(field)
 
 

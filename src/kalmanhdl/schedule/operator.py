@@ -18,7 +18,8 @@ class Operator:
     hardware decides where (none: the pieces themselves). ``blocks`` counts multiplier blocks.
 
     A shared operator chooses among operands before the first piece, in stages of ``fetch`` picoseconds that
-    each end in registers. It holds ``asked`` registers at least.
+    each end in registers; one that is ``kept`` ends in a register behind the last piece. It holds ``asked``
+    registers at least.
 
     Where its pieces took more than the device's table says, ``derate`` times as much, it gets the registers
     that this needs, and at the most one behind its last piece: then a piece that alone is too long has its
@@ -30,6 +31,7 @@ class Operator:
     weights: tuple[float, ...] = ()
     blocks: int = 0
     fetch: tuple[int, ...] = ()
+    kept: bool = False
     asked: int = 0
     derate: float = 1.0
 
@@ -41,17 +43,22 @@ class Operator:
     @property
     def capacity(self) -> int:
         """The number of registers that it can hold."""
-        return len(self.pieces) - 1 + len(self.fetch) + (self.derate > 1)
+        return len(self.pieces) - 1 + self._around + (self.derate > 1 and not self.kept)
 
     @property
     def fewest(self) -> int:
         """The number of registers that it holds at least."""
-        return max(self.asked, len(self.fetch))
+        return max(self.asked, self._around)
+
+    @property
+    def _around(self) -> int:
+        """The registers before and behind all pieces."""
+        return len(self.fetch) + self.kept
 
     def stages(self, registers: int) -> tuple[int, ...]:
-        """The delays of its stages when it holds so many registers, those of the choice at least."""
-        inner = registers - len(self.fetch)
-        return (*self.fetch, *_stages(self.pieces, self.weights or self.pieces, inner))
+        """The delays of its stages when it holds so many registers, ``fewest`` at least."""
+        inner = _stages(self.pieces, self.weights or self.pieces, registers - self._around)
+        return (*self.fetch, *inner, *((0,) * self.kept))
 
     def derated(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages as a placement found them; the choice of operands as it is."""

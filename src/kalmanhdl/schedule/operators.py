@@ -134,12 +134,14 @@ def shared_operator(
 
     Operands are chosen in so many ``steps``.
     """
-    width = max(port.form.width for port in core(typed, kind, who).operands)
+    apart = core(typed, kind, who)
+    width = max(port.form.width for port in apart.operands)
     if isinstance(typed, FloatGraph):
         inner = float_operator(typed, who[0], device, bool(on_block & frozenset(who)))
     else:
         inner = _integer_operator(typed, kind, who, device, on_block)
-    made = replace(inner, kind=kind, fetch=_fetch(device, width, ceil(len(who) / count), steps))
+    fetch = _fetch(device, width, ceil(len(who) / count), steps)
+    made = replace(inner, kind=kind, fetch=fetch, kept=apart.kept)
     return asked(typed, who[0], made)
 
 

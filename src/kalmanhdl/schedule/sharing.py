@@ -70,11 +70,15 @@ NONE_SHARED = Sharing(counts={}, operations={})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Core:
-    """An operator apart from its operations: the raw integers at its ports, those of its result."""
+    """An operator apart from its operations: the raw integers at its ports, those of its result.
+
+    ``kept``: the result stands in registers before others choose it.
+    """
 
     kind: str
     operands: tuple[Operand, ...]
     form: Fixed
+    kept: bool = False
 
 
 def sharing(
@@ -181,7 +185,8 @@ def _encoded_core(typed: FloatGraph, kind: str, who: tuple[int, ...]) -> Core:
     """An operator on encoded numbers, which are words."""
     word = Fixed(width=typed.form.width, fraction=0, signed=False)
     count = len(operands(typed.graph.operations[who[0]]))
-    return Core(kind=kind, operands=(Operand(form=word, low=0, high=word.highest),) * count, form=word)
+    operand = Operand(form=word, low=0, high=word.highest)
+    return Core(kind=kind, operands=(operand,) * count, form=word, kept=True)
 
 
 def exponent(typed: TypedGraph, who: tuple[int, ...]) -> int:
