@@ -507,8 +507,8 @@ def reproduce(
         check_folder(out, force=force)
     with Progress() as progress:
         found = [run(paper, progress)]
-        if not no_place and (architectures := hardware(paper, progress)):
-            found.append(architectures)
+        if not no_place:
+            found += hardware(paper, progress)
     tables = "\n\n".join(map(reproduction_table, found))
     typer.echo(tables)
     if out is not None:

@@ -24,6 +24,7 @@ from kalmanhdl.target import Device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.toolchain.simulators import Simulator, simulate_with
+from kalmanhdl.toolchain.yosys import Netlist
 from kalmanhdl.validation import InvalidValueError
 from kalmanhdl.verify.compare import Verification
 
@@ -308,16 +309,23 @@ class Implemented:
         return self.placements[0]
 
 
+def synthesise(hardware: Hardware) -> Netlist:
+    """The netlist for the design's device. Raises ToolError."""
+    from kalmanhdl.toolchain.absorb import absorb_registers
+    from kalmanhdl.toolchain.yosys import synthesise_ecp5
+
+    design = hardware.design
+    return absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design)))
+
+
 def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:
     """Synthesis, then place and route with every seed. Raises ToolError."""
-    from kalmanhdl.toolchain.absorb import absorb_registers
     from kalmanhdl.toolchain.nextpnr import best, place_and_route
-    from kalmanhdl.toolchain.yosys import synthesise_ecp5
 
     design, seconds = hardware.design, dict[str, float]()
     part = design.target.part
     with timed(seconds, "synthesise", progress, f"synthesising for {part.name}"):
-        netlist = absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design)))
+        netlist = synthesise(hardware)
     wanted = design.architecture.clock_mhz or 1000 / hardware.plan.period_ns
     seeds = range(1, design.target.seeds + 1)
     with timed(seconds, "place_and_route", progress, f"placing and routing, {len(seeds)} seeds"):

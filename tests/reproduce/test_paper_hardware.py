@@ -6,11 +6,22 @@ import pytest
 
 from kalmanhdl.pipeline import numbers_of, planned
 from kalmanhdl.reproduce import kumar2014_hardware, liu2007_hardware
-from kalmanhdl.reproduce.hardware import COLUMNS, Built, Candidate, built, table
+from kalmanhdl.reproduce.hardware import (
+    COLUMNS,
+    Built,
+    Candidate,
+    Estimated,
+    Software,
+    built,
+    table,
+)
 from kalmanhdl.reproduce.papers import PAPERS, hardware
+from kalmanhdl.schedule.summary import summarise
+from kalmanhdl.target import device
 
-# Clocks of a step, and multipliers, at most.
-LIMITS = {"16 bits, Taylor about I": (78, 24), "16 bits, Bierman-Thornton": (578, 24)}
+# Clocks of a step of the paper's; its multiplier blocks are 96 and 110.
+CLOCKS = {"16 bits, Taylor about I": 78, "16 bits, Bierman-Thornton": 578}
+MULTIPLIERS = 24
 
 
 def scheduled(candidate: Candidate):
@@ -19,9 +30,9 @@ def scheduled(candidate: Candidate):
 
 @pytest.mark.parametrize("candidate", liu2007_hardware.candidates(), ids=lambda c: c.name)
 def test_a_filter_of_liu2007_takes_fewer_clocks_on_fewer_multipliers_than_the_papers(candidate):
-    plan, (clocks, multipliers) = scheduled(candidate), LIMITS[candidate.name]
-    assert plan.interval <= clocks
-    assert plan.sharing.counts["multiply"] <= multipliers
+    plan, target = scheduled(candidate), candidate.design.target
+    assert plan.interval <= CLOCKS[candidate.name]
+    assert summarise(plan, device(target.device, target.grade)).multiplier_blocks == MULTIPLIERS
 
 
 @pytest.mark.parametrize("candidate", kumar2014_hardware.candidates(), ids=lambda c: c.name)
@@ -37,7 +48,8 @@ def test_a_half_of_kumar2014_shares_its_operators_and_a_parallel_one_has_its_own
 
 
 def test_only_papers_with_hardware_have_a_table_of_it():
-    assert [paper for paper in PAPERS if paper not in ("kumar2014", "liu2007") and hardware(paper)] == []
+    built = ("kumar2014", "liu2007", "wu2012")
+    assert [paper for paper in PAPERS if paper not in built and hardware(paper)] == []
 
 
 @pytest.mark.slow
@@ -47,6 +59,12 @@ def test_a_candidate_is_verified_and_placed():
     (found,) = built([replace(first, design=replace(first.design, target=target))])
     assert isinstance(found, Built)
     assert found.bits > 0
-    assert found.nanoseconds == pytest.approx(1000 * found.interval / found.placed.fmax_mhz)
-    told = table("title", [found], ())
-    assert dict(zip(COLUMNS, told.rows[0], strict=True))["multipliers"] == str(found.placed.multipliers)
+    estimated = Estimated(name="not placed", plan=found.plan, bits=1, cells=(5, 4, 3, 2))
+    told = table("title", [found, estimated, Software(name="other", seconds_per_step=2e-6)], ())
+    placed, expected, other = (dict(zip(COLUMNS, row, strict=True)) for row in told.rows)
+    assert placed["multipliers"] == str(found.placed.multipliers)
+    nanoseconds = 1000 * found.plan.interval / found.placed.fmax_mhz
+    assert float(placed["ns a step"]) == pytest.approx(nanoseconds, abs=0.05)
+    assert float(expected["MHz"]) == pytest.approx(1000 / found.plan.period_ns, abs=0.05)
+    assert "estimate" in expected["architecture"]
+    assert (other["ns a step"], other["M steps/s"], other["MHz"]) == ("2000", "0.5", "")

@@ -12,7 +12,7 @@ from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.pipeline import Progress, silent
 from kalmanhdl.reproduce.facts import facts
-from kalmanhdl.reproduce.hardware import Built, Candidate, Quoted, built, table
+from kalmanhdl.reproduce.hardware import Candidate, Ours, Quoted, built, table
 from kalmanhdl.reproduce.kumar2014 import paper_design, paper_model, radar_model
 from kalmanhdl.reproduce.reproduction import Reproduction
 
@@ -78,12 +78,12 @@ def _single_cycle() -> Design:
     return replace(_short(_TABLE, _PARALLEL), numerics=numerics)
 
 
-def figures(progress: Progress = silent) -> tuple[Built, ...]:
+def figures(progress: Progress = silent) -> tuple[Ours, ...]:
     """All candidates, built."""
     return built(candidates(), progress)
 
 
-def reproduction(found: tuple[Built, ...]) -> Reproduction:
+def reproduction(found: tuple[Ours, ...]) -> Reproduction:
     """The paper's rows, then those of ``figures``."""
     printed = facts("kumar2014")["hardware"]
     quoted = [Quoted(name=row["name"], figures=row["figures"]) for row in printed["rows"]]

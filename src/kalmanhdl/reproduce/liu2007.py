@@ -58,16 +58,17 @@ class Figures:
     rows: tuple[Row, ...]
 
 
-def chosen_model(*, moving: bool = True) -> LinearModel:
-    """Four states, all measured; with ``moving`` False the constant state of section 5.1."""
+def chosen_model(states: int = 4, *, moving: bool = True) -> LinearModel:
+    """As many measurements as states, six at most; without ``moving`` the constant state of section 5.1."""
     data = facts("liu2007")["model"]
-    unit = np.eye(4)
+    F, H = (np.array(data[name], float)[:states, :states] for name in "FH")
+    unit = np.eye(states)
     return linear_model(
-        np.array(data["F"], float) if moving else unit,
-        np.array(data["H"], float),
+        F if moving else unit,
+        H,
         data["q"] * unit if moving else 0.0 * unit,
         data["r"] * unit,
-        initial=given(np.zeros(4), data["p"] * unit),
+        initial=given(np.zeros(states), data["p"] * unit),
     )
 
 
@@ -168,11 +169,11 @@ def _cell(row: Row) -> str:
 
 
 def _notes(found: Figures) -> tuple[str, ...]:
-    data, seen = facts("liu2007")["model"], found.convergence
+    data, seen, model = facts("liu2007")["model"], found.convergence, chosen_model()
     taylor, optimal = seen.within(seen.taylor), seen.within(seen.optimal)
     return (
-        f"The paper gives no model: here F = {data['F']}, H = {data['H']}, Q = {data['q']:g} I, "
-        f"R = {data['r']:g} I, x0 = 0, P0 = {data['p']:g} I. "
+        f"The paper gives no model: here F = {model.F.tolist()}, H = {model.H.tolist()}, "
+        f"Q = {data['q']:g} I, R = {data['r']:g} I, x0 = 0, P0 = {data['p']:g} I. "
         "Which word length an algorithm needs depends on that choice: of three models tried this one was "
         "kept because it breaks where the paper's does; with H = I both filters of the paper need 12 bits.",
         "Every number in one format, half of its bits for the fraction, scales 1. A word breaks where a "

@@ -1,7 +1,10 @@
 """The hardware of liu2007: Taylor and Bierman-Thornton filters of four states and measurements, 16 bits.
 
-Liu, Bouganis & Cheung 2007, tables 1 and 2. The paper gives no model; this is the dense one of ``liu2007``.
+Liu, Bouganis & Cheung 2007, table 2, and the paper's software baseline. The paper gives no model; this is
+the dense one of ``liu2007``.
 """
+
+import numpy as np
 
 from kalmanhdl.algorithm import BiermanThornton, Taylor
 from kalmanhdl.algorithm.filter import Algorithm
@@ -9,49 +12,78 @@ from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.design import Architecture, Design, Target
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.pipeline import Progress, silent
+from kalmanhdl.reproduce import opencv
 from kalmanhdl.reproduce.facts import facts
-from kalmanhdl.reproduce.hardware import Built, Candidate, Quoted, built, table
-from kalmanhdl.reproduce.liu2007 import chosen_model
+from kalmanhdl.reproduce.hardware import Candidate, Ours, Quoted, Software, built, table
+from kalmanhdl.reproduce.liu2007 import chosen_model, drawn
 from kalmanhdl.reproduce.reproduction import Reproduction
 
 _TARGET = Target(device="ecp5-85k", grade=8, seeds=2)
-_UNITS = {"multiply": 24, "reciprocal": 1}
 _TRACKS = 16
 
 
+# With their multipliers, a block each. Reciprocals and a division take three blocks more.
+ALGORITHMS: dict[str, tuple[Algorithm, int]] = {
+    "Taylor about I": (Taylor(about="identity"), 24),
+    "Bierman-Thornton": (BiermanThornton(), 21),
+}
+_SOFTWARE_STEPS = 10_000
+
+
 def candidates() -> tuple[Candidate, ...]:
-    """Each filter on 24 multipliers, for one track and for many that take turns."""
-    kinds: dict[str, Algorithm] = {
-        "Taylor about I": Taylor(about="identity"),
-        "Bierman-Thornton": BiermanThornton(),
-    }
+    """Each filter on 24 multiplier blocks, for one track and for many that take turns."""
     return tuple(
-        Candidate(name=f"16 bits, {name}", design=_design(algorithm, tracks))
-        for name, algorithm in kinds.items()
+        Candidate(name=f"16 bits, {name}", design=shared_design(name, tracks=tracks))
+        for name in ALGORITHMS
         for tracks in (1, _TRACKS)
     )
 
 
-def _design(algorithm: Algorithm, tracks: int) -> Design:
+def shared_design(
+    name: str, *, states: int = 4, width: int = 16, tracks: int = 1, blocks: int | None = None
+) -> Design:
+    """A filter of ``ALGORITHMS`` on its multipliers, of which ``blocks`` may use DSP blocks."""
+    algorithm, multipliers = ALGORITHMS[name]
+    # A constant of 17 bits fits a multiplier block with its sign.
+    numerics = FixedSpecification(
+        width=width, classes={"constant": 17}, division=TableNewton(index_bits=7, iterations=1)
+    )
+    units = {"multiply": multipliers, "reciprocal": 1}
     return Design(
         name="liu2007",
-        model=chosen_model(),
+        model=chosen_model(states),
         algorithm=algorithm,
-        numerics=FixedSpecification(width=16, division=TableNewton(index_bits=7, iterations=1)),
-        architecture=Architecture(units=_UNITS, channels=tracks),
+        numerics=numerics,
+        architecture=Architecture(units=units, channels=tracks, multiplier_blocks=blocks),
         target=_TARGET,
     )
 
 
-def figures(progress: Progress = silent) -> tuple[Built, ...]:
-    """All candidates, built."""
-    return built(candidates(), progress)
+def software() -> tuple[Software, ...]:
+    """OpenCV's filter of the same model, timed now; none where it is not installed."""
+    if not opencv.available():
+        return ()
+    model = chosen_model()
+    plots = drawn(model, np.zeros(model.n), _SOFTWARE_STEPS, 1, 1)
+    return tuple(
+        Software(
+            name=f"OpenCV {run.version}, {run.precision}, here",
+            seconds_per_step=run.seconds_per_step,
+        )
+        for run in opencv.timed(model, plots.z[:, 0])
+    )
 
 
-def reproduction(found: tuple[Built, ...]) -> Reproduction:
+def figures(progress: Progress = silent) -> tuple[Software | Ours, ...]:
+    """The software, timed before anything else runs, and all candidates, built."""
+    progress("OpenCV's filter")
+    return (*software(), *built(candidates(), progress))
+
+
+def reproduction(found: tuple[Software | Ours, ...]) -> Reproduction:
     """The paper's rows, then those of ``figures``."""
     printed = facts("liu2007")["hardware"]
     quoted = [Quoted(name=row["name"], figures=row["figures"]) for row in printed["rows"]]
-    return table(
-        "Liu, Bouganis & Cheung 2007: hardware, n = m = 4", (*quoted, *found), tuple(printed["notes"])
-    )
+    timed = any(isinstance(entry, Software) for entry in found)
+    notes = (*printed["notes"], printed["timed" if timed else "not_timed"])
+    return table("Liu, Bouganis & Cheung 2007: hardware, n = m = 4", (*quoted, *found), notes)

@@ -10,8 +10,13 @@ from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.validation import nearest, shown
 
 PAPERS = ("bhatia2012", "kumar2014", "lee1997", "liu2007", "wu2012")
-# Those whose architectures are built beside ours; of the others the experiment itself is hardware.
-_BUILT = ("kumar2014", "liu2007")
+# Those whose architectures are built beside ours, with their tables of hardware; of the others the experiment
+# itself is hardware.
+_HARDWARE = {
+    "kumar2014": ("kumar2014_hardware",),
+    "liu2007": ("liu2007_hardware", "liu2007_areas"),
+    "wu2012": ("wu2012_hardware",),
+}
 
 
 def reproduce(paper: str, progress: Progress = silent) -> Reproduction:
@@ -21,12 +26,12 @@ def reproduce(paper: str, progress: Progress = silent) -> Reproduction:
     return _run(paper, progress)
 
 
-def hardware(paper: str, progress: Progress = silent) -> Reproduction | None:
-    """The architectures of a paper of ``PAPERS`` and ours, placed and routed; None where it has no table.
+def hardware(paper: str, progress: Progress = silent) -> tuple[Reproduction, ...]:
+    """The tables of a paper's architectures and ours, synthesised, placed and routed; none where it has none.
 
     Takes minutes for each of them. Raises as ``pipeline.implement`` does.
     """
-    return _run(f"{paper}_hardware", progress) if paper in _BUILT else None
+    return tuple(_run(module, progress) for module in _HARDWARE.get(paper, ()))
 
 
 def _run(module: str, progress: Progress) -> Reproduction:

@@ -254,8 +254,7 @@ def reproduction(found: Figures) -> Reproduction:
             f"{np.degrees(sigma[2]):.3g} degrees in azimuth and elevation; x is east, y north, z up, after "
             f"{UAV_SETTLED} s. Manoeuvres of {UAV_NOISE[0]:g}, {UAV_NOISE[1]:g} and {UAV_NOISE[2]:g} m/s^2 "
             f"kept for {UAV_TAU_S:g} s.",
-            f"{data['hardware']}. designs/wu2012_single.toml is that hardware here, on 8 adders and 8 "
-            "multipliers with the paper's latencies: `kalmanhdl implement` gives its figures.",
+            f"{data['said']}. designs/wu2012_single.toml is its filter in hardware.",
         ),
         charts={
             "position": _position_chart(found),
