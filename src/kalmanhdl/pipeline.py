@@ -1,9 +1,12 @@
 """The whole line: each stage is a function from the values before it to its own."""
 
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.design import MAX_INTERVAL, Architecture, Coefficients, Design
@@ -25,7 +28,7 @@ from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.toolchain.simulators import Simulator, simulate_with
 from kalmanhdl.toolchain.yosys import Netlist
-from kalmanhdl.validation import InvalidValueError
+from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning
 from kalmanhdl.verify.compare import Verification
 
 Progress = Callable[[str], None]
@@ -218,7 +221,18 @@ def fixed_numbers(design: Design) -> Numbers:
 
 
 def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None = None) -> Simulation:
-    """Float reference and bit-exact engine side by side on data."""
+    """Float reference and bit-exact engine side by side on data.
+
+    Warns with KalmanhdlWarning where measurements are missed that the algorithm makes up for approximately.
+    """
+    missed = int(np.isnan(plots.z[plots.active]).sum())
+    if missed and design.algorithm.when_missed:
+        warnings.warn(
+            f"{missed} of {plots.z.shape[2] * int(plots.active.sum())} measurements are missed: [algorithm] "
+            f'kind = "{design.algorithm.kind}" {design.algorithm.when_missed}: choose another where they are many',
+            KalmanhdlWarning,
+            stacklevel=2,
+        )
     return run_side_by_side(design.model, design.algorithm(design.model), typed or numbers_of(design), plots)
 
 

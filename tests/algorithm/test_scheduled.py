@@ -1,6 +1,8 @@
 """Gains from a table: what they are, and what becomes of a miss."""
 
 import itertools
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,3 +116,16 @@ def test_what_cannot_be_scheduled_is_refused():
         )
     with pytest.raises(ModelError, match="let no covariance come to rest"):
         Scheduled()(growing)
+
+
+def test_plots_that_are_missed_are_told_to_be_approximated():
+    design = replace(Design.load("designs/nile.toml"), algorithm=Scheduled())
+    z = np.full((20, 1), 1000.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        design.simulate(z)
+    z[[7, 9]] = np.nan
+    with pytest.warns(
+        KalmanhdlWarning, match=r'2 of 20 measurements are missed: .*"scheduled" goes on with the gains'
+    ):
+        design.simulate(z)

@@ -83,6 +83,8 @@ class Algorithm:
     """
 
     kind: ClassVar[str]
+    # What it does where measurements are missed, if that is not the optimal thing.
+    when_missed: ClassVar[str] = ""
 
     def __call__(self, model: Model) -> Filter:
         """The filter of a model. Raises ModelError where the algorithm does not suit the model."""

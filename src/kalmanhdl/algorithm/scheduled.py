@@ -47,6 +47,7 @@ class Scheduled(Algorithm):
 
     steps: int | Literal["auto"] = "auto"
     kind: ClassVar[str] = "scheduled"
+    when_missed: ClassVar[str] = "goes on with the gains of a track that misses nothing, an approximation"
 
     def __post_init__(self) -> None:
         if isinstance(self.steps, str) and self.steps == "auto":
