@@ -229,7 +229,8 @@ def simulate(design: Design, plots: Plots, typed: Numbers | FloatNumbers | None 
     if missed and design.algorithm.when_missed:
         warnings.warn(
             f"{missed} of {plots.z.shape[2] * int(plots.active.sum())} measurements are missed: [algorithm] "
-            f'kind = "{design.algorithm.kind}" {design.algorithm.when_missed}: choose another where they are many',
+            f'kind = "{design.algorithm.kind}" {design.algorithm.when_missed}: choose another where they are '
+            "many",
             KalmanhdlWarning,
             stacklevel=2,
         )
