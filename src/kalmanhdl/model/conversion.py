@@ -13,12 +13,16 @@ diagonal entries are sums of positive terms: with u = r^2 + sigma_r^2,
 
     R_xx = u (D_a B_e + A_a D_e) + sigma_r^2 B_a B_e       (a: azimuth, e: elevation).
 
+In the plane R_xy is a difference all the same, which vanishes at one range, where the noise is a circle: it
+is a multiple of r^2 - r0^2, with r0^2 = sigma_r^2 e / (1 - e) - sigma_r^2 in two parts.
+
 Source: Lerro and Bar-Shalom, IEEE Transactions on Aerospace and Electronic Systems 29(3), 1993, in the plane;
 Suchomski, ibid. 35(3), 1999, in space; derived anew, since wu2012, eq. 7, as printed, has sinh for cosh in
 alpha_x, sigma_eta for sigma_theta in alpha_xy, 1 - exp(sigma_eta^2) for 2 - exp(sigma_eta^2) beside sigma_r^2
 in R_xz and R_yz, and lacks R_yy and R_xy.
 """
 
+import math
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
@@ -67,7 +71,9 @@ class _Angle:
 class Conversion:
     """The conversion of (range, bearing) or (range, azimuth, elevation), its constants evaluated exactly.
 
-    ``factors`` are those of the converted x, y and z: (2,) or (3,).
+    ``factors`` are those of the converted x, y and z: (2,) or (3,). ``circular`` is the squared range at
+    which the noise in the plane is a circle, in two parts whose sum is nearer to it than a double; None
+    where there is none.
     """
 
     factors: tuple[float, ...]
@@ -75,6 +81,7 @@ class Conversion:
     range_added: float
     azimuth: _Angle
     elevation: _Angle | None
+    circular: tuple[float, float] | None
 
     def mean(self, z: Array) -> Array:
         """The position (2,) or (3,) of a measurement, over elements."""
@@ -89,16 +96,20 @@ class Conversion:
         """The covariance (2, 2) or (3, 3), times ``weight``, of a position seen so, over elements."""
         u, variance = (sight.range_squared + self.range_added) * weight, self.range_variance * weight
         if self.elevation is None or sight.elevation is None:
-            return _flat(self.azimuth, sight.azimuth, u, variance)
+            return self._flat(sight, u, variance, weight)
         return _solid(self.azimuth, sight.azimuth, self.elevation, sight.elevation, u, variance)
 
-
-def _flat(azimuth: _Angle, angle: Trigonometric, u: Any, variance: float) -> Array:
-    cosine, sine = angle
-    xx = u * _squares(azimuth.D, angle) + _squares(azimuth.B, angle) * variance
-    yy = u * _squares(azimuth.D, angle[::-1]) + _squares(azimuth.B, angle[::-1]) * variance
-    xy = cosine * sine * (u * azimuth.across_difference + azimuth.across * variance)
-    return _matrix([[xx, xy], [xy, yy]])
+    def _flat(self, sight: Sight, u: Any, variance: float, weight: float) -> Array:
+        azimuth, angle = self.azimuth, sight.azimuth
+        xx = u * _squares(azimuth.D, angle) + _squares(azimuth.B, angle) * variance
+        yy = u * _squares(azimuth.D, angle[::-1]) + _squares(azimuth.B, angle[::-1]) * variance
+        if self.circular is None:
+            across = u * azimuth.across_difference + azimuth.across * variance
+        else:
+            beyond = (sight.range_squared - self.circular[0]) - self.circular[1]
+            across = beyond * (azimuth.across_difference * weight)
+        xy = angle[0] * angle[1] * across
+        return _matrix([[xx, xy], [xy, yy]])
 
 
 def _solid(
@@ -144,14 +155,27 @@ def conversion(variances: tuple[float, ...], unbiasing: Unbiasing = "debiased") 
     with evaluation(min((v for v in angular if v > 0), default=1.0), 2):
         angles = [make(Decimal(v), Decimal(v) if unbiasing == "unbiased" else Decimal(0)) for v in angular]
         height = Decimal(angular[1]) if len(angular) == 2 else Decimal(0)
+        added = 0.0 if unbiasing == "modified" else radial
+        circular = _circular(Decimal(radial), Decimal(added), Decimal(angular[0]))
         plane, upright = _factor(Decimal(angular[0]) + height, unbiasing), _factor(height, unbiasing)
     return Conversion(
         factors=(plane, plane, upright) if len(angular) == 2 else (plane, plane),
         range_variance=radial,
-        range_added=0.0 if unbiasing == "modified" else radial,
+        range_added=added,
         azimuth=angles[0],
         elevation=angles[1] if len(angular) == 2 else None,
+        circular=circular if len(angular) == 1 else None,
     )
+
+
+def _circular(radial: Decimal, added: Decimal, variance: Decimal) -> tuple[float, float] | None:
+    """The squared range at which across_difference (r^2 + added) + across radial vanishes, in two parts."""
+    if not variance:
+        return None
+    e = (-variance).exp()
+    squared = radial * e / (1 - e) - added
+    first = float(squared)
+    return (first, float(squared - Decimal(first))) if math.isfinite(first) else None
 
 
 def sight(z: Array) -> Sight:
