@@ -487,3 +487,18 @@ def test_the_excerpt_of_the_readme_is_the_design_whose_figures_stand_beside_it()
     whole = Design.load(DESIGNS / "lee1997.toml")
     lines = [line for line in dumps(whole).splitlines() if not line.startswith("unit =")]
     assert dumps(excerpt).splitlines() == lines
+
+
+@pytest.mark.parametrize("word", ["\n", "multi\tply", "\x1b[31m", "w" * 5000])
+def test_a_key_that_is_a_users_own_word_is_shown_on_one_short_line(word):
+    for make in (
+        lambda: Architecture(units={word: 1}),
+        lambda: FixedSpecification(signals={word: 8}),
+        lambda: FixedSpecification(classes={word: 8}),
+        lambda: FixedSpecification(headroom={word: 1}),
+    ):
+        with pytest.raises(DesignError) as caught:
+            make()
+        message = str(caught.value)
+        assert message.isprintable()
+        assert len(message) < 1000

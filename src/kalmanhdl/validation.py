@@ -12,6 +12,7 @@ from kalmanhdl.errors import DesignError, ModelError
 
 MAX_NAME_LENGTH = 64
 MAX_HINTS = 16
+_LONGEST_KEY = 200
 
 _VERILOG = """
 always and assign automatic begin bit buf bufif0 bufif1 byte case casex casez cell class cmos config const
@@ -42,7 +43,9 @@ class InvalidValueError(DesignError):
 
     def __init__(self, table: str, key: str, problem: str) -> None:
         self.problem = problem
-        super().__init__(f"{f'[{table}] ' if table else ''}{key}{problem}", table=table, key=key)
+        # A key may be the user's own word, as those of tables of operators or of signals are.
+        name = key if key.isprintable() and len(key) <= _LONGEST_KEY else shown(key)
+        super().__init__(f"{f'[{table}] ' if table else ''}{name}{problem}", table=table, key=key)
 
 
 class InvalidModelValueError(InvalidValueError, ModelError):
