@@ -28,7 +28,7 @@ from kalmanhdl.reproduce.reproduction import Reproduction
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.summary import Summary, summarise
 from kalmanhdl.simulate.metrics import rmse
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide, Simulation
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.verify.compare import Verification
@@ -151,6 +151,12 @@ def _cells(found: Implementation | AreaFigures) -> str:
 
 
 def accuracy_table(model: Model, simulation: Simulation) -> str:
+    """As ``errors_table``, and counts of what did not fit its format."""
+    counts = f"{simulation.saturations} saturations, {simulation.stimulus.clipped} inputs out of range"
+    return f"{errors_table(model, simulation)}\n{counts}"
+
+
+def errors_table(model: Model, simulation: SideBySide) -> str:
     """For each state the root mean square errors of float reference and engine, and between the two.
 
     Below it rates beside what two plots in succession say, and whether the innovations are as large as the
@@ -163,12 +169,11 @@ def accuracy_table(model: Model, simulation: Simulation) -> str:
         exact = against_truth(simulation, simulation.exact.x)
         columns += [("rmse float", *map(_figure, reference)), ("rmse hardware", *map(_figure, exact))]
     columns.append(("hardware to float", *map(_figure, between)))
-    counts = f"{simulation.saturations} saturations, {simulation.stimulus.clipped} inputs out of range"
     parts = [_aligned(zip(*columns, strict=True)), _differenced(model, simulation), _nis(model, simulation)]
-    return "\n".join([part for part in parts if part] + [counts])
+    return "\n".join(part for part in parts if part)
 
 
-def _differenced(model: Model, simulation: Simulation) -> str:
+def _differenced(model: Model, simulation: SideBySide) -> str:
     """Rates beside two-point differencing of the plots, at the steps where there are two."""
     found = differencing(model, simulation)
     lines: list[Sequence[str]] = [("rate", "unit", "steps", "rmse of two plots", "float", "hardware")]
@@ -179,7 +184,7 @@ def _differenced(model: Model, simulation: Simulation) -> str:
     return _aligned(lines) if found else ""
 
 
-def _nis(model: Model, simulation: Simulation) -> str:
+def _nis(model: Model, simulation: SideBySide) -> str:
     """The mean NIS of float reference and hardware, and whether it lies in its band."""
     used = updated(simulation, model.initial.before_update)
     reference, exact = (mean_nis(each.nis, used) for each in (simulation.reference, simulation.exact))

@@ -69,7 +69,7 @@ def test_a_report_is_plain_files_in_a_folder(nile, tmp_path):
 
 def test_pictures_are_equal_for_equal_builds(nile, tmp_path):
     for name in ("a.svg", "b.svg"):
-        save_track(nile, nile.simulation, tmp_path / name)
+        save_track(nile.hardware.design.model, "nile", nile.simulation, tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
@@ -80,5 +80,5 @@ def test_a_nonlinear_model_has_its_page_without_what_needs_matrices(tmp_path):
     assert "Innovations" in made
     assert "The gains are those" not in made
     assert "Two-point differencing" in made
-    save_track(record, record.simulation, tmp_path / "track.png")
+    save_track(record.hardware.design.model, "radar", record.simulation, tmp_path / "track.png")
     assert (tmp_path / "track.png").stat().st_size > 1000

@@ -152,7 +152,7 @@ def tested(simulation: Simulation) -> tuple[Tested, Tested]:
 def _samples(simulation: Simulation) -> tuple[_Sample, _Sample]:
     truth = simulation.plots.truth
     assert truth is not None
-    updates = simulation.valid & (simulation.stimulus.commands == Command.UPDATE)
+    updates = simulation.valid & (simulation.commands == Command.UPDATE)
     return (
         _sample(simulation.reference, truth, simulation.valid, updates),
         _sample(simulation.exact, truth, simulation.valid, updates),

@@ -14,7 +14,7 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.report.plots import plot_rates, plot_states, rate_sources
 from kalmanhdl.simulate.commands import Command
 from kalmanhdl.simulate.metrics import Consistency, chi_square_quantile, rmse
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Differencing:
     rmse_bitexact: float
 
 
-def differencing(model: Model, simulation: Simulation) -> tuple[Differencing, ...]:
+def differencing(model: Model, simulation: SideBySide) -> tuple[Differencing, ...]:
     """Two-point differencing of every rate of what plots show, where its truth is known."""
     truth = simulation.plots.truth
     if truth is None:
@@ -66,12 +66,12 @@ def measured_states(model: Model) -> dict[int, int]:
     return {j: seen.state for j, seen in model.seen.items()}
 
 
-def updated(simulation: Simulation, before_update: bool) -> NDArray[np.bool_]:
+def updated(simulation: SideBySide, before_update: bool) -> NDArray[np.bool_]:
     """Where a measurement was used. Shape (steps, tracks, m).
 
     ``before_update``: the model's start makes an a priori belief, which the row of its command updates.
     """
-    given = simulation.stimulus.commands
+    given = simulation.commands
     updates = (given == Command.UPDATE) | ((given == Command.INITIALISE) & before_update)
     used: NDArray[np.bool_] = ~np.isnan(simulation.plots.z) & (updates & simulation.valid)[..., None]
     return used
@@ -107,12 +107,12 @@ def nis_inside(nis: Array, used: NDArray[np.bool_]) -> float:
     return float(np.mean(nis[counted] <= limits[degrees[counted]])) if counted.any() else math.nan
 
 
-def featured(simulation: Simulation) -> int:
+def featured(simulation: SideBySide) -> int:
     """The track that stands for all: the one with most estimates, the first among equals."""
     return int(np.argmax(simulation.valid.sum(axis=0)))
 
 
-def against_truth(simulation: Simulation, estimate: Array) -> Array:
+def against_truth(simulation: SideBySide, estimate: Array) -> Array:
     """The root mean square error of each state, NaN where its truth is not known. Shape (n,)."""
     truth = simulation.plots.truth
     return np.full(estimate.shape[-1], np.nan) if truth is None else rmse(estimate, truth)

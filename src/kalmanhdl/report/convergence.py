@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.simulate.commands import Command
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
 
 
-def priors(model: LinearModel, simulation: Simulation, P: Array) -> Array:
+def priors(model: LinearModel, simulation: SideBySide, P: Array) -> Array:
     """F P F' + Q of the step before, and P0 where the row's own command starts the track.
 
     Shape (steps, tracks, n, n), NaN where the step before has no estimate.
@@ -21,7 +21,7 @@ def priors(model: LinearModel, simulation: Simulation, P: Array) -> Array:
     prior = np.full_like(P, np.nan)
     prior[1:] = model.F @ P[:-1] @ model.F.T + model.Q
     if model.initial.before_update:
-        prior[simulation.stimulus.commands == Command.INITIALISE] = model.initial.P
+        prior[simulation.commands == Command.INITIALISE] = model.initial.P
     return prior
 
 

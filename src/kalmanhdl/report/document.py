@@ -5,6 +5,7 @@ Two builds of one design give equal dictionaries but for times: what stands unde
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +16,7 @@ from kalmanhdl.design import Architecture
 from kalmanhdl.graph.builder import reachable
 from kalmanhdl.graph.operations import Graph
 from kalmanhdl.graph.simplify import counts
+from kalmanhdl.model.model import Model
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.pipeline import Implemented
 from kalmanhdl.report.accuracy import against_truth, differencing, mean_nis, nis_inside, updated
@@ -23,7 +25,7 @@ from kalmanhdl.report.papers import beside, paper_of
 from kalmanhdl.report.record import Record
 from kalmanhdl.schedule.summary import Summary
 from kalmanhdl.simulate.metrics import rmse
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide, Simulation
 from kalmanhdl.target import device
 from kalmanhdl.toolchain.nextpnr import Implementation
 
@@ -96,6 +98,13 @@ def _model(record: Record) -> dict[str, Any]:
         "controls": model.p,
         "components": len(parts),
         "component_states": [[names[state] for state in part] for part in parts],
+        **named(model),
+    }
+
+
+def named(model: Model) -> dict[str, Any]:
+    """The names that a model gives."""
+    return {
         "state_names": model.state_names,
         "state_units": model.state_units,
         "measurement_names": model.measurement_names,
@@ -185,31 +194,37 @@ def _floating(typed: FloatGraph) -> dict[str, Any]:
 def _accuracy(record: Record) -> dict[str, Any]:
     model, simulation = record.hardware.design.model, record.simulation
     if simulation is None:
-        unknown: list[None] = [None] * model.n
-        return {
-            "steps": 0,
-            "tracks": 0,
-            "rmse_reference": unknown,
-            "rmse_bitexact": unknown,
-            "rmse_bitexact_to_reference": unknown,
-            "nis_mean": None,
-            "saturations": None,
-            "not_measured": "the build had no data: see --data",
-        }
+        return no_accuracy(model) | {"nis_mean": None}
+    return errors(model, simulation) | _nis(record, simulation) | _overflows(record, simulation)
+
+
+def no_accuracy(model: Model) -> dict[str, Any]:
+    """What there is to say of a build without data."""
+    unknown: list[None] = [None] * model.n
+    return {
+        "steps": 0,
+        "tracks": 0,
+        "rmse_reference": unknown,
+        "rmse_bitexact": unknown,
+        "rmse_bitexact_to_reference": unknown,
+        "saturations": None,
+        "not_measured": "the build had no data: see --data",
+    }
+
+
+def errors(model: Model, simulation: SideBySide) -> dict[str, Any]:
+    """How far the estimates of a simulation are from truth and float reference."""
     return {
         "steps": int(simulation.valid.sum()),
         "tracks": len(simulation.plots.tracks),
         "rmse_reference": against_truth(simulation, simulation.reference.x),
         "rmse_bitexact": against_truth(simulation, simulation.exact.x),
         "rmse_bitexact_to_reference": rmse(simulation.exact.x, simulation.reference.x),
-        "differencing": _differencing(record, simulation),
-        **_nis(record, simulation),
-        **_overflows(record, simulation),
+        "differencing": _differencing(model, simulation),
     }
 
 
-def _differencing(record: Record, simulation: Simulation) -> list[dict[str, Any]]:
-    model = record.hardware.design.model
+def _differencing(model: Model, simulation: SideBySide) -> list[dict[str, Any]]:
     return [
         {
             **asdict(one),
@@ -245,32 +260,35 @@ def _overflows(record: Record, simulation: Simulation) -> dict[str, Any]:
 def _implementation(record: Record, summary: Summary) -> dict[str, Any]:
     """The best placement, and every one that was tried; nothing but the device where none was."""
     target, architecture = record.hardware.design.target, record.hardware.design.architecture
-    named = {"device": target.device, "grade": target.grade, "asked_mhz": architecture.clock_mhz}
+    target_named = {"device": target.device, "grade": target.grade, "asked_mhz": architecture.clock_mhz}
     if record.implemented is None:
-        rates = dict.fromkeys(_rates(summary, architecture, 1.0))
-        return {
-            **named,
-            "tool": None,
-            **dict.fromkeys(_FIGURES),
-            **rates,
-            "seed": None,
-            "placements": [],
-            "closure": None,
-        }
+        return {**target_named, **not_placed(), **dict.fromkeys(_rates(summary, architecture, 1.0))}
     best = record.implemented.best
     return {
-        **named,
+        **target_named,
+        **placed(record.implemented.placements),
+        **_rates(summary, architecture, best.fmax_mhz),
+        "closure": record.closure and asdict(record.closure),
+    }
+
+
+def placed(placements: Sequence[Implementation]) -> dict[str, Any]:
+    """The best placement, which comes first, and every one that was tried."""
+    best = placements[0]
+    return {
         "tool": best.tool,
         **_figures(best),
-        **_rates(summary, architecture, best.fmax_mhz),
         "seed": best.seed,
         "critical_path": [asdict(hop) for hop in best.critical_path],
         "placements": [
-            {"seed": one.seed, **_figures(one)}
-            for one in sorted(record.implemented.placements, key=lambda one: one.seed)
+            {"seed": one.seed, **_figures(one)} for one in sorted(placements, key=lambda one: one.seed)
         ],
-        "closure": record.closure and asdict(record.closure),
     }
+
+
+def not_placed() -> dict[str, Any]:
+    """What stands in place of a placement where there was none."""
+    return {"tool": None, **dict.fromkeys(_FIGURES), "seed": None, "placements": [], "closure": None}
 
 
 def _figures(placed: Implementation) -> dict[str, Any]:

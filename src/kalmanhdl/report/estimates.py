@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.model.model import Model
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
 
 
-def estimates_csv(model: Model, simulation: Simulation) -> str:
+def estimates_csv(model: Model, simulation: SideBySide) -> str:
     """The table: one row for each row of data, by track and step; cells are empty before a track starts.
 
     Columns: ``track``, ``step``, for each state ``reference_``, ``exact_``, ``reference_var_`` and
@@ -31,7 +31,7 @@ def estimates_csv(model: Model, simulation: Simulation) -> str:
     return "\n".join([",".join(names), *rows]) + "\n"
 
 
-def _columns(model: Model, simulation: Simulation) -> Iterator[tuple[str, Array]]:
+def _columns(model: Model, simulation: SideBySide) -> Iterator[tuple[str, Array]]:
     both = (("reference", simulation.reference), ("exact", simulation.exact))
     for i, state in enumerate(model.state_names):
         yield from ((f"{name}_{state}", found.x[..., i]) for name, found in both)

@@ -7,16 +7,16 @@ from bokeh.models import ColumnDataSource, CustomJSTickFormatter, HoverTool, Ran
 from bokeh.plotting import figure as bokeh_figure
 from numpy.typing import NDArray
 
+from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.report.accuracy import featured, measured_states, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
-from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, label, plane, points, seen_pair, with_unit
 from kalmanhdl.report.lanes import lanes
 from kalmanhdl.report.palette import AMBER, BLUE, GREEN, GREY, ORANGE, SERIES
 from kalmanhdl.report.plots import states_shown
-from kalmanhdl.report.record import Record
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.schedule.summary import Summary
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
 
@@ -33,26 +33,25 @@ _TICK = "return String(Number(tick.toPrecision(6))).replace(/-/g, '\u2212')"
 _TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
 
-def track_figure(record: Record, simulation: Simulation) -> object:
+def track_figure(model: Model, simulation: SideBySide) -> object:
     """The featured track on its plane, with ellipses that hold 95 %."""
-    shown = plane(record.hardware.design.model)
+    shown = plane(model)
     if shown.kind is Kind.TIME:
-        return state_figure(record, simulation, shown.states[0], height=360)
-    return _plane_figure(record, simulation, shown, [featured(simulation)])
+        return state_figure(model, simulation, shown.states[0], height=360)
+    return _plane_figure(model, simulation, shown, [featured(simulation)])
 
 
-def tracks_figure(record: Record, simulation: Simulation) -> object | None:
+def tracks_figure(model: Model, simulation: SideBySide) -> object | None:
     """Several tracks on their plane; None where there is one track, or no plane."""
-    shown, count = plane(record.hardware.design.model), len(simulation.plots.tracks)
+    shown, count = plane(model), len(simulation.plots.tracks)
     if shown.kind is Kind.TIME or count == 1:
         return None
-    return _plane_figure(record, simulation, shown, list(range(min(TRACKS, count))))
+    return _plane_figure(model, simulation, shown, list(range(min(TRACKS, count))))
 
 
-def _plane_figure(record: Record, simulation: Simulation, shown: Plane, tracks: list[int]) -> object:
-    model = record.hardware.design.model
+def _plane_figure(model: Model, simulation: SideBySide, shown: Plane, tracks: list[int]) -> object:
     drawn = _figure(*shown.labels, height=460, match_aspect=True)
-    _draw_lines(drawn, record, simulation, shown, tracks)
+    _draw_lines(drawn, model, simulation, shown, tracks)
     every = max(1, int(simulation.valid[:, tracks].sum()) // _ELLIPSES)
     lines = [
         ellipse(shown, simulation.exact.x[k, t], simulation.exact.P[k, t])
@@ -76,7 +75,7 @@ def _plane_figure(record: Record, simulation: Simulation, shown: Plane, tracks: 
 
 
 def _draw_lines(
-    drawn: bokeh_figure, record: Record, simulation: Simulation, shown: Plane, tracks: list[int]
+    drawn: bokeh_figure, model: Model, simulation: SideBySide, shown: Plane, tracks: list[int]
 ) -> None:
     states = list(shown.states)
     truth = simulation.plots.truth
@@ -95,9 +94,8 @@ def _draw_lines(
         )
 
 
-def state_figure(record: Record, simulation: Simulation, state: int, height: int = 250) -> object:
+def state_figure(model: Model, simulation: SideBySide, state: int, height: int = 250) -> object:
     """One state of the featured track: plots where it is measured, truth, and the estimate in its band."""
-    model = record.hardware.design.model
     rows, track, x, title = _axis(simulation)
     drawn = _figure(title, label(model, state), height=height)
     value = simulation.exact.x[rows, track, state]
@@ -115,13 +113,12 @@ def state_figure(record: Record, simulation: Simulation, state: int, height: int
     return _finished(drawn)
 
 
-def innovation_figure(record: Record, simulation: Simulation, j: int) -> object:
+def innovation_figure(model: Model, simulation: SideBySide, j: int) -> object:
     """One innovation of the featured track; of a linear model in its band of 95 %."""
-    model = record.hardware.design.model
     rows, track, x, title = _axis(simulation)
     used = updated(simulation, model.initial.before_update)[rows, track, j]
     value = np.where(used, simulation.exact.innovation[rows, track, j], np.nan)
-    drawn = _figure(title, _measured(record, j), height=230)
+    drawn = _figure(title, _measured(model, j), height=230)
     if isinstance(model, LinearModel):
         S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))
         half = 1.96 * np.sqrt(S[rows, track, j, j])
@@ -131,7 +128,7 @@ def innovation_figure(record: Record, simulation: Simulation, j: int) -> object:
     return _finished(drawn)
 
 
-def inside_band(model: LinearModel, simulation: Simulation, j: int) -> tuple[int, int]:
+def inside_band(model: LinearModel, simulation: SideBySide, j: int) -> tuple[int, int]:
     """How many innovations of all tracks lie in their 95 % band, and of how many."""
     S = innovation_covariances(model, priors(model, simulation, simulation.reference.P))[..., j, j]
     value = simulation.exact.innovation[..., j]
@@ -140,9 +137,8 @@ def inside_band(model: LinearModel, simulation: Simulation, j: int) -> tuple[int
     return int(inside.sum()), int(counted.sum())
 
 
-def deviation_figure(record: Record, simulation: Simulation) -> object:
+def deviation_figure(model: Model, simulation: SideBySide) -> object:
     """The standard deviations of the featured track: reference and bit-exact."""
-    model = record.hardware.design.model
     rows, track, x, title = _axis(simulation)
     drawn = _figure(title, "standard deviation", height=300, y_axis_type="log")
     both = ((simulation.reference.P, _BROAD), (simulation.exact.P, _NARROW))
@@ -154,7 +150,7 @@ def deviation_figure(record: Record, simulation: Simulation) -> object:
     return _finished(drawn, columns=2)
 
 
-def gain_figure(model: LinearModel, simulation: Simulation) -> object:
+def gain_figure(model: LinearModel, simulation: SideBySide) -> object:
     """The gains of the featured track that their covariances mean: reference and bit-exact."""
     rows, track, x, title = _axis(simulation)
     used = updated(simulation, model.initial.before_update)[rows, track]
@@ -173,15 +169,13 @@ def gain_figure(model: LinearModel, simulation: Simulation) -> object:
     return _finished(drawn, columns=2)
 
 
-def quantisation_figure(record: Record, simulation: Simulation, state: int) -> object:
-    """Bit-exact less reference, one state of all tracks, with the last bit of its format."""
-    model = record.hardware.design.model
+def quantisation_figure(model: Model, simulation: SideBySide, state: int, bit: float | None = None) -> object:
+    """Bit-exact less reference, one state of all tracks, with the last bit of its format if that is known."""
     error = (simulation.exact.x - simulation.reference.x)[..., state]
     step, track = np.nonzero(~np.isnan(error))
     found = _thinned(np.stack([step, error[step, track]], axis=-1))
     unit = model.state_units[state]
     drawn = _figure("step", with_unit(f"error of {model.state_names[state]}", unit), height=220)
-    bit = resolutions(record.hardware.numbers.typed).get(f"x[{state}]")
     if bit is not None:
         span = [float(step.min(initial=0)), float(step.max(initial=1))]
         for sign in (-1, 1):
@@ -192,9 +186,8 @@ def quantisation_figure(record: Record, simulation: Simulation, state: int) -> o
     return _finished(drawn)
 
 
-def schedule_figure(record: Record) -> object:
+def schedule_figure(summary: Summary) -> object:
     """The operations of one step over clock cycles."""
-    summary = record.summary
     bars = lanes(summary.rows)
     groups = list(dict.fromkeys(bar.group for bar in bars))
     count = 1 + max((bar.lane for bar in bars), default=0)
@@ -226,14 +219,13 @@ def _cycles(start: int, end: int) -> str:
     return str(start) if start == end else f"{start} to {end}"
 
 
-def _measured(record: Record, j: int) -> str:
-    model = record.hardware.design.model
+def _measured(model: Model, j: int) -> str:
     seen = model.seen.get(j)
     unit = model.state_units[seen.state] if seen is not None and seen.factor == 1 else ""
     return with_unit(f"innovation of {model.measurement_names[j]}", unit)
 
 
-def _axis(simulation: Simulation) -> tuple[NDArray[np.int64], int, Array, str]:
+def _axis(simulation: SideBySide) -> tuple[NDArray[np.int64], int, Array, str]:
     """Rows spread evenly over the featured track, the track, and the times or steps of the rows."""
     track = featured(simulation)
     rows = np.flatnonzero(simulation.plots.active[:, track])

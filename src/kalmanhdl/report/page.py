@@ -1,9 +1,11 @@
 """``report.html``: one file with its figures and everything they need, for a browser without a network."""
 
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 from bokeh.embed import components
 from bokeh.resources import Resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -13,11 +15,12 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.report import figures
 from kalmanhdl.report.accuracy import featured
+from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, plane, with_unit
 from kalmanhdl.report.record import Record
 from kalmanhdl.report.tiles import tiles
 from kalmanhdl.report.wording import number, percent, prefixed
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 _RANDOM = re.compile(r"[0-9a-zA-Z]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 # Beyond this many states a page of one figure for each serves nobody.
@@ -26,9 +29,28 @@ _SHOWN = 12
 
 def page(record: Record, document: dict[str, Any]) -> str:
     """The page of a build; ``document`` is its ``report.document``."""
-    drawn = {"schedule": figures.schedule_figure(record)}
+    model = record.hardware.design.model
+    drawn = {"schedule": figures.schedule_figure(record.summary)}
     if record.simulation is not None:
-        drawn |= _of_data(record, record.simulation)
+        bits = resolutions(record.hardware.numbers.typed)
+        drawn |= of_data(model, record.simulation, bits)
+    return rendered(
+        "page.html.j2",
+        model,
+        record.simulation,
+        drawn,
+        document | {"tiles": tiles(document), "quantities": _quantities(model)},
+    )
+
+
+def rendered(
+    template: str,
+    model: Model,
+    simulation: SideBySide | None,
+    drawn: dict[str, object],
+    more: Mapping[str, Any],
+) -> str:
+    """A page of figures by name, with what the words around those of data need; ``more`` is the rest."""
     script, divisions = _steady(*components(drawn))
     resources = Resources(mode="inline", components=["bokeh"])
     environment = Environment(
@@ -39,18 +61,16 @@ def page(record: Record, document: dict[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "prefixed": prefixed, "percent": percent}
-    return environment.get_template("page.html.j2").render(
-        **document,
+    return environment.get_template(template).render(
+        **more,
         version=__version__,
         style=files(__package__).joinpath("page.css").read_text(),
         library=resources.render_js(),
         script=script,
         figures=divisions,
-        tiles=tiles(document),
-        captions=_captions(record),
-        quantities=_quantities(record.hardware.design.model),
-        states=[s for s in range(record.hardware.design.model.n) if f"state{s}" in drawn],
-        innovations=[j for j in range(record.hardware.design.model.m) if f"innovation{j}" in drawn],
+        captions=_captions(model, simulation),
+        states=[s for s in range(model.n) if f"state{s}" in drawn],
+        innovations=[j for j in range(model.m) if f"innovation{j}" in drawn],
     )
 
 
@@ -64,21 +84,24 @@ def _steady(script: str, divisions: dict[str, str]) -> tuple[str, dict[str, str]
     return _RANDOM.sub(named, script), {key: _RANDOM.sub(named, text) for key, text in divisions.items()}
 
 
-def _of_data(record: Record, simulation: Simulation) -> dict[str, object]:
-    model = record.hardware.design.model
+def of_data(model: Model, simulation: SideBySide, bits: Mapping[str, float]) -> dict[str, object]:
+    """The figures of data by name; ``bits`` has the last bits of states, in their units, such as ``x[0]``."""
     shown = range(min(model.n, _SHOWN))
     drawn = {
-        "track": figures.track_figure(record, simulation),
-        "deviation": figures.deviation_figure(record, simulation),
+        "track": figures.track_figure(model, simulation),
+        "deviation": figures.deviation_figure(model, simulation),
     }
     # Gains follow from covariances where F and H are constant.
     drawn |= {"gain": figures.gain_figure(model, simulation)} if isinstance(model, LinearModel) else {}
-    tracks = figures.tracks_figure(record, simulation)
+    tracks = figures.tracks_figure(model, simulation)
     drawn |= {} if tracks is None else {"tracks": tracks}
-    drawn |= {f"state{i}": figures.state_figure(record, simulation, i) for i in shown}
-    drawn |= {f"error{i}": figures.quantisation_figure(record, simulation, i) for i in shown}
-    measured = range(min(model.m, _SHOWN))
-    return drawn | {f"innovation{j}": figures.innovation_figure(record, simulation, j) for j in measured}
+    drawn |= {f"state{i}": figures.state_figure(model, simulation, i) for i in shown}
+    drawn |= {
+        f"error{i}": figures.quantisation_figure(model, simulation, i, bits.get(f"x[{i}]")) for i in shown
+    }
+    # The processor keeps its innovations to itself.
+    told = [j for j in range(min(model.m, _SHOWN)) if np.isfinite(simulation.exact.innovation[..., j]).any()]
+    return drawn | {f"innovation{j}": figures.innovation_figure(model, simulation, j) for j in told}
 
 
 def _quantities(model: Model) -> dict[str, str]:
@@ -96,9 +119,8 @@ def _quantities(model: Model) -> dict[str, str]:
     return {signal: name.replace("_", " ") for signal, name in names.items()}
 
 
-def _captions(record: Record) -> dict[str, Any]:
+def _captions(model: Model, simulation: SideBySide | None) -> dict[str, Any]:
     """What the words around the figures need to know of the data."""
-    model, simulation = record.hardware.design.model, record.simulation
     if simulation is None:
         return {}
     tracks = simulation.plots.tracks

@@ -10,32 +10,32 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from kalmanhdl.model.model import Model
 from kalmanhdl.report.accuracy import featured
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, plane, points, seen_pair
 from kalmanhdl.report.lanes import lanes
 from kalmanhdl.report.palette import AMBER, BLUE, GREEN, SERIES
-from kalmanhdl.report.record import Record
 from kalmanhdl.schedule.summary import Summary
-from kalmanhdl.simulate.side_by_side import Simulation
+from kalmanhdl.simulate.side_by_side import SideBySide
 
 _ELLIPSES = 30
 _POINTS = 20_000
 INK = "#4a525b"
 
 
-def save_track(record: Record, simulation: Simulation, path: Path) -> None:
+def save_track(model: Model, name: str, simulation: SideBySide, path: Path) -> None:
     """The featured track with ellipses of 95 %; the suffix of the path chooses PNG or SVG."""
-    shown = plane(record.hardware.design.model)
+    shown = plane(model)
     figure, axes = new_axes(8.0, 5.0)
     track = featured(simulation)
     if shown.kind is Kind.TIME:
-        _draw_over_time(axes, record, simulation, shown, track)
+        _draw_over_time(axes, model, simulation, shown, track)
     else:
-        _draw_on_plane(axes, record, simulation, shown, track)
+        _draw_on_plane(axes, model, simulation, shown, track)
     axes.set_xlabel(shown.labels[0])
     axes.set_ylabel(shown.labels[1])
     axes.legend(frameon=False, fontsize=9, labelcolor=INK)
-    axes.set_title(f"{record.hardware.design.name}, track {simulation.plots.tracks[track]}", **TITLE)
+    axes.set_title(f"{name}, track {simulation.plots.tracks[track]}", **TITLE)
     save(figure, path)
 
 
@@ -68,8 +68,8 @@ def save_schedule(summary: Summary, name: str, path: Path) -> None:
 TITLE: dict[str, Any] = {"fontsize": 11, "color": INK, "loc": "left"}
 
 
-def _draw_on_plane(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
-    model, plots, states = record.hardware.design.model, simulation.plots, list(shown.states)
+def _draw_on_plane(axes: Any, model: Model, simulation: SideBySide, shown: Plane, track: int) -> None:
+    plots, states = simulation.plots, list(shown.states)
     if shown.measurements:
         seen = points(shown, seen_pair(model, shown, plots.z[:, track]))[:_POINTS]
         axes.plot(*seen.T, ".", color=AMBER, markersize=4, label="plots")
@@ -86,8 +86,8 @@ def _draw_on_plane(axes: Any, record: Record, simulation: Simulation, shown: Pla
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _draw_over_time(axes: Any, record: Record, simulation: Simulation, shown: Plane, track: int) -> None:
-    model, plots, i = record.hardware.design.model, simulation.plots, shown.states[0]
+def _draw_over_time(axes: Any, model: Model, simulation: SideBySide, shown: Plane, track: int) -> None:
+    plots, i = simulation.plots, shown.states[0]
     x, P = simulation.exact.x[:_POINTS, track, i], simulation.exact.P[:_POINTS, track, i, i]
     step, half = np.arange(len(x)), 1.96 * np.sqrt(np.maximum(P, 0))
     axes.fill_between(step, x - half, x + half, color=BLUE, alpha=0.15, linewidth=0, label="95 % band")

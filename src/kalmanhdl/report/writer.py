@@ -24,7 +24,7 @@ def write_report(record: Record, folder: Path) -> dict[str, Any]:
     for suffix in ("svg", "png"):
         save_schedule(summary, design.name, folder / f"schedule.{suffix}")
         if record.simulation is not None:
-            save_track(record, record.simulation, folder / f"track.{suffix}")
+            save_track(design.model, design.name, record.simulation, folder / f"track.{suffix}")
     if record.simulation is not None:
         text = estimates_csv(design.model, record.simulation)
         (folder / "estimates.csv").write_text(text, encoding="utf-8")

@@ -37,14 +37,25 @@ class Stimulus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Simulation:
-    """Reference and engine side by side; ``valid`` (steps, tracks) tells where there is an estimate."""
+class SideBySide:
+    """Float reference and hardware on the same plots, NaN where there is nothing to tell.
+
+    ``commands`` (steps, tracks) are what the rows mean; ``valid`` (steps, tracks) tells where there is an
+    estimate.
+    """
 
     plots: Plots
-    stimulus: Stimulus
+    commands: NDArray[np.int8]
     valid: NDArray[np.bool_]
     reference: Estimates
     exact: Estimates
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation(SideBySide):
+    """Reference and engine of a graph side by side."""
+
+    stimulus: Stimulus
     trace: Trace
 
     @property
@@ -71,10 +82,11 @@ def simulate(
     trace = _run(numbers.typed, stimulus, valid, optimised)
     return Simulation(
         plots=plots,
+        commands=given,
         stimulus=stimulus,
         valid=valid,
-        reference=_only(reference(filter_, given, plots.z, plots.u), valid),
-        exact=_only(_estimates(model, filter_, numbers.typed, trace), valid),
+        reference=where(valid, reference(filter_, given, plots.z, plots.u)),
+        exact=where(valid, _estimates(model, filter_, numbers.typed, trace)),
         trace=trace,
     )
 
@@ -180,8 +192,8 @@ def covariance_of(filter_: Filter, states: dict[str, Array]) -> Array:
     return P
 
 
-def _only(estimates: Estimates, valid: NDArray[np.bool_]) -> Estimates:
-    """The estimates where there are any, NaN elsewhere."""
+def where(valid: NDArray[np.bool_], estimates: Estimates) -> Estimates:
+    """The estimates where ``valid`` (steps, tracks), NaN elsewhere."""
 
     def masked(array: Array) -> Array:
         mask = valid.reshape(valid.shape + (1,) * (array.ndim - valid.ndim))
