@@ -123,8 +123,8 @@ def compile_filter(
     """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
     from kalmanhdl.design import Design
     from kalmanhdl.output import check_folder, new_folder
+    from kalmanhdl.processor.compiler.constants import numbers_read
     from kalmanhdl.processor.compiler.folder import contents, off_reference
-    from kalmanhdl.processor.compiler.generate import constants_read
     from kalmanhdl.processor.compiler.trace import traced
     from kalmanhdl.processor.fit import begun
 
@@ -136,7 +136,7 @@ def compile_filter(
     if data is not None:
         z = begun(_alone(data, chosen.model), filter_.model)
     # Says so where a constant does not fit.
-    constants_read(filter_, core)
+    numbers_read(filter_, core)
     found = contents(filter_, core, z)
     with new_folder(out, force=force) as folder:
         for name, text in found.items():

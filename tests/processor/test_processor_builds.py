@@ -135,8 +135,8 @@ def test_what_is_wrong_in_the_file_is_refused(text, message):
         (ALTITUDE.replace("= 128", "= 16"), r"\[architecture\] kind = \"processor\": the filter's program"),
         (ALTITUDE.replace("= 32", "= 8"), r"\[architecture\] kind = \"processor\": the filter needs"),
         (
-            ALTITUDE + '[algorithm]\nkind = "bierman_thornton"\n',
-            r'kind = "processor": \[algorithm\] kind = "bierman_thornton" has no program',
+            ALTITUDE + '[algorithm]\nkind = "scheduled"\n',
+            r'kind = "processor": \[algorithm\] "scheduled" has a program for the steady gain alone',
         ),
     ],
 )

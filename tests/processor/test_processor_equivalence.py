@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from random_programs import every_instruction, number, random_peripherals, random_program
 
-from kalmanhdl.algorithm import Conventional
+from kalmanhdl.algorithm import BiermanThornton, Conventional, Scheduled
 from kalmanhdl.errors import VerificationError
 from kalmanhdl.model.initial import given
 from kalmanhdl.model.motion import constant_velocity
@@ -52,14 +52,17 @@ def test_an_instruction_takes_eight_clocks_or_one_and_loading_one_a_word_and_one
     assert list(rtl.run(4).clock) == ([1, 2, 3, 4] if core.pipelined else [7, 15, 23, 31])
 
 
-def test_filters_run_in_hardware_as_in_the_simulator(core, rtl, machine):
+@pytest.mark.parametrize(
+    "algorithm", [Conventional(), BiermanThornton(), Scheduled(steps=0)], ids=lambda a: a.kind
+)
+def test_filters_run_in_hardware_as_in_the_simulator(core, rtl, machine, algorithm):
     if not core.extended or core.form.width - core.form.fraction < 4:
         pytest.skip("a core without the instructions, or without the numbers, of a filter")
     motion = constant_velocity(T=1.0, noise=0.5)
     model = linear_model(
         motion.F / 2, [[1.0, 0.0]], motion.Q / 16, [[0.25]], initial=given([0, 0], np.eye(2) / 4)
     )
-    filter_ = traced(model, Conventional(), core.size)
+    filter_ = traced(model, algorithm, core.size)
     z = np.random.default_rng(1).normal(scale=0.1, size=(10, 1))
     read = tokens(filter_, core, rows_read(core, z))
     words = compiled(filter_, core).words

@@ -59,6 +59,15 @@ def test_an_element_is_exact_and_then_rounded_and_clamped_once(opcode, a, b):
     assert outside == (not all(limits))
 
 
+@given(MATRIX, MATRIX)
+def test_elements_and_first_rows_are_multiplied_and_rounded_once(a, b):
+    real = CORE.form.real
+    each, _ = compute(Instruction(Opcode.HAD_33), a, b, CORE)
+    assert each == [CORE.form.nearest(real(x) * real(y)) for x, y in zip(a, b, strict=True)]
+    outer, _ = compute(Instruction(Opcode.OUTER_33), a, b, CORE)
+    assert outer == [CORE.form.nearest(real(x) * real(y)) for x in a[:3] for y in b[:3]]
+
+
 @given(st.integers(-8, 6), MATRIX)
 def test_a_power_of_two_scales_exactly_and_is_rounded_once(exponent, a):
     values, _ = compute(build(Opcode.SCALE, 0, exponent, 0), a, a, CORE)
@@ -77,7 +86,7 @@ def test_the_adjugate_times_the_matrix_is_the_determinant(a):
 
 @given(RAW)
 def test_a_reciprocal_is_right_to_the_last_bit(raw):
-    values, outside = compute(Instruction(Opcode.RECIP), [raw] * 9, [], CORE)
+    values, outside = compute(build(Opcode.RECIP, 0, 4, 0), [*[0] * 4, raw, *[0] * 4], [], CORE)
     if raw <= 0:
         assert (values, outside) == ([CORE.form.highest], True)
     else:

@@ -59,7 +59,7 @@ class BiermanThornton(Algorithm):
             # Which variances vanish follows from the inputs: any may.
             anywhere = frozenset(range(model.n))
             return of_linear(model, self, lambda linear: _filter(linear, anywhere))
-        return of_linear(model, self, lambda linear: _filter(linear, _vanishing(linear)))
+        return of_linear(model, self, lambda linear: _filter(linear, vanishing_variances(linear)))
 
 
 def _filter(linear: LinearModel, vanishing: frozenset[int]) -> Filter:
@@ -141,7 +141,7 @@ def factors(P: Numbers) -> tuple[Numbers, Numbers]:
     return U, D
 
 
-def _vanishing(model: LinearModel) -> frozenset[int]:
+def vanishing_variances(model: LinearModel) -> frozenset[int]:
     """The variances of D that become zero while the track runs, though not for ever.
 
     Updates leave the range of P as it is, since R is definite: predictions alone tell.

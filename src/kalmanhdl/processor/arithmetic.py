@@ -35,8 +35,8 @@ def compute(
     """
     if instruction.opcode is Opcode.RECIP:
         # The divisors of a filter are variances: of what is not positive the result is that of zero.
-        form = core.form
-        value, outside = reciprocal(max(a[0], 0), form.fraction, form, core.rounding, core.division)
+        form, divisor = core.form, a[instruction.arguments[1]]
+        value, outside = reciprocal(max(divisor, 0), form.fraction, form, core.rounding, core.division)
         return [value], outside
     moved = _moved(instruction, a, b, core)
     if moved is not None:
@@ -89,6 +89,10 @@ def _exact(instruction: Instruction, a: Matrix, b: Matrix, c: Matrix, core: Core
             return _product(a, _transposed(b, n), n), 2
         case Opcode.MULT_3S:
             return [x * b[0] for x in a], 2
+        case Opcode.HAD_33:
+            return [x * y for x, y in zip(a, b, strict=True)], 2
+        case Opcode.OUTER_33:
+            return [x * y for x in a[:n] for y in b[:n]], 2
         case Opcode.SCALE:
             _, exponent, _ = instruction.operands
             return [x << core.form.fraction + exponent for x in a], 2

@@ -225,9 +225,9 @@ def writes(instruction: Instruction, core: Core) -> range:
     match instruction.opcode:
         case opcode if opcode in VECTORS:
             return range(core.size)
-        case Opcode.DET_33 | Opcode.RECIP | Opcode.PICK:
+        case Opcode.DET_33 | Opcode.PICK:
             return range(1)
-        case Opcode.READ | Opcode.PLACE:
+        case Opcode.READ | Opcode.PLACE | Opcode.RECIP:
             return range(instruction.arguments[1], instruction.arguments[1] + 1)
         case (
             Opcode.ADD_33
@@ -242,6 +242,8 @@ def writes(instruction: Instruction, core: Core) -> range:
             | Opcode.SYMADD_33
             | Opcode.SYMSUB_33
             | Opcode.MASK_33
+            | Opcode.HAD_33
+            | Opcode.OUTER_33
         ):
             return range(core.elements)
         case _:

@@ -14,9 +14,10 @@ from kalmanhdl.numerics.ranges import Plots, simulated
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.units import units
+from kalmanhdl.processor.compiler.constants import numbers_read
+from kalmanhdl.processor.compiler.covariance import ADJUGATE
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.filters import ADJUGATE
-from kalmanhdl.processor.compiler.generate import compiled, constants_read, rows_read, source
+from kalmanhdl.processor.compiler.generate import compiled, rows_read, source
 from kalmanhdl.processor.compiler.trace import Traced, traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.program import Program
@@ -64,7 +65,7 @@ def fitted(design: Design) -> Fitted:
         filter_ = traced(inner, algorithm, size)
         tried = [begun(z, inner) for z in tracks(plots, scaling)]
         core = _core(processor, design, filter_, tried)
-        constants_read(filter_, core)
+        numbers_read(filter_, core)
         program = compiled(filter_, core)
     except ProgramError as error:
         raise InvalidValueError("architecture", "kind", f' = "processor": {error}') from None

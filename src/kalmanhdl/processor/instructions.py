@@ -45,6 +45,8 @@ class Opcode(Enum):
     MADD_31 = 0x19
     MSUB_31 = 0x1A
     MASK_33 = 0x1B
+    HAD_33 = 0x1C
+    OUTER_33 = 0x1D
 
 
 class Kind(Enum):
@@ -115,7 +117,7 @@ EXTENSION: tuple[Operation, ...] = (
     Operation(Opcode.NEXT, (Operand("target", Kind.TARGET, 0),)),
     Operation(Opcode.COPY, (_SOURCE, _DESTINATION)),
     Operation(Opcode.SCALE, (_SOURCE, Operand("exponent", Kind.EXPONENT, 1), _DESTINATION)),
-    Operation(Opcode.RECIP, (_SOURCE, _DESTINATION)),
+    Operation(Opcode.RECIP, (_SOURCE, _ELEMENT, _DESTINATION)),
     Operation(Opcode.PICK, (_SOURCE, _ELEMENT, _DESTINATION)),
     _arithmetic(Opcode.SUB_33),
     _arithmetic(Opcode.MULT_33T),
@@ -127,6 +129,8 @@ EXTENSION: tuple[Operation, ...] = (
     _arithmetic(Opcode.MADD_31),
     _arithmetic(Opcode.MSUB_31),
     _arithmetic(Opcode.MASK_33),
+    _arithmetic(Opcode.HAD_33),
+    _arithmetic(Opcode.OUTER_33),
 )
 """What a filter needs beyond them, on opcodes that the paper leaves free."""
 

@@ -34,14 +34,13 @@ JUMP_CLOCKS = 2
 QUEUE = 16
 """Numbers that wait on the way in, and on the way out."""
 
-SPLIT = {Opcode.MULT_3S, Opcode.SCALE}
+SPLIT = {Opcode.MULT_3S, Opcode.SCALE, Opcode.HAD_33, Opcode.OUTER_33}
 """The instructions whose elements are a product each, so that every multiplier has its own."""
 
 _OF_ARRAY = {
     Opcode.MULT_33,
     Opcode.MULT_33T,
-    Opcode.MULT_3S,
-    Opcode.SCALE,
+    *SPLIT,
     Opcode.ADJ_33,
     Opcode.DET_33,
     *VECTORS,
@@ -85,6 +84,10 @@ def _tasks(opcode: Opcode, core: Core) -> list[Task]:
             return [_minor(e, MINORS[e % n * n + e // n]) for e in range(core.elements)]
         case Opcode.DET_33:
             return [_minor(e, MINORS[e]) for e in range(n)]
+        case Opcode.HAD_33:
+            return [Task(e, (Term(e, e),)) for e in range(core.elements)]
+        case Opcode.OUTER_33:
+            return [Task(n * i + j, (Term(i, j),)) for i in range(n) for j in range(n)]
         case _ if opcode in SPLIT:
             return [Task(e, (Term(e, e % n * (n + 1)),)) for e in range(core.elements)]
         case _ if opcode in VECTORS:

@@ -29,7 +29,7 @@ def _effect(done: Retired, machine: Machine) -> str:
 
 
 def _operands(done: Retired) -> str:
-    if done.instruction.opcode is Opcode.READ:
+    if done.instruction.opcode in (Opcode.READ, Opcode.PLACE, Opcode.RECIP):
         return f"{done.matrix}[{done.elements.start}] "
     return f"{done.matrix} "
 

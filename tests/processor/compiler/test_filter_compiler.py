@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from kalmanhdl.algorithm import BiermanThornton, Conventional, Joseph, Sequential, Taylor
+from kalmanhdl.algorithm import BiermanThornton, Conventional, Extended, Joseph, Scheduled, Sequential, Taylor
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.initial import given, two_point
@@ -15,13 +15,20 @@ from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, t
 from kalmanhdl.processor.compiler.trace import traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import Opcode, decode
-from kalmanhdl.processor.peripherals import BenchSink, BenchSource, HandshakingSink, HandshakingSource
+from kalmanhdl.processor.peripherals import (
+    BenchSink,
+    BenchSource,
+    HandshakingSink,
+    HandshakingSource,
+    bench,
+)
 from kalmanhdl.processor.simulator import Machine, run
 from kalmanhdl.simulate.commands import commands, started
 from kalmanhdl.simulate.reference import reference
 
 CORE = Core(form=Fixed(width=32, fraction=18), extended=True)
 FOUR = Core(form=Fixed(width=32, fraction=18), extended=True, size=4)
+OVERLAPPING = Core(form=Fixed(width=32, fraction=18), extended=True, size=4, units=4)
 POSITION = linear_model(
     [[1, 1], [0, 1]],
     [[1, 0]],
@@ -52,8 +59,34 @@ TRACKS = linear_model(
     np.diag([9.0, 4.0]),
     initial=two_point(),
 )
-ALGORITHMS = (Conventional(), Joseph(), Sequential(), Taylor("initial"), Taylor("initial", newton=2))
-CASES = [(POSITION, CORE), (SINGER, CORE), (TRACKS, FOUR), (WHOLE, CORE)]
+MIXED = linear_model(
+    [[0.95, 0.1, 0, 0.05], [-0.1, 0.95, 0.05, 0], [0, 0.05, 0.9, 0.1], [0.05, 0, -0.1, 0.9]],
+    [[1, 0.2, 0, 0.1], [0.1, 1, 0.2, 0], [0, 0.1, 1, 0.2], [0.2, 0, 0.1, 1]],
+    0.1 * np.eye(4),
+    0.5 * np.eye(4),
+    initial=given(np.zeros(4), np.eye(4)),
+)
+STEERED = linear_model(
+    [[1, 1], [0, 0.9]],
+    [[1, 0]],
+    [[0.05, 0.1], [0.1, 0.25]],
+    [[4.0]],
+    B=[[0.5, 0.0], [1.0, 0.25]],
+    initial=given([0, 0], np.diag([10.0, 5.0])),
+)
+CERTAIN = linear_model(
+    np.eye(2), np.eye(2), np.diag([0.1, 0]), np.eye(2), initial=given([0, 0], np.diag([1.0, 0]))
+)
+ALGORITHMS = (
+    Conventional(),
+    Joseph(),
+    Sequential(),
+    BiermanThornton(),
+    Scheduled(steps=0),
+    Taylor("initial"),
+    Taylor("initial", newton=2),
+)
+CASES = [(POSITION, CORE), (SINGER, CORE), (TRACKS, FOUR), (WHOLE, CORE), (MIXED, FOUR), (MIXED, OVERLAPPING)]
 
 
 def measurements(model, steps=60):
@@ -69,7 +102,7 @@ def outputs(filter_, core, z, machine):
     engine = Engine(filter_, core)
     wanted = np.array([engine.step(row) for row in rows])
     program = compiled(filter_, core)
-    machine.source = BenchSource(tokens(filter_, core, rows))
+    machine.source, machine.sink = bench(core, tokens(filter_, core, rows))
     machine.load(program.words)
     done = run(machine, 1_000_000)
     assert done.reason == "the input is exhausted"
@@ -87,14 +120,15 @@ def followed(model, algorithm, z):
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: f"{a.kind}{getattr(a, 'newton', '')}")
 @pytest.mark.parametrize(
-    ("model", "core"), CASES, ids=["position", "two of three", "two tracks", "all of three"]
+    ("model", "core"),
+    CASES,
+    ids=["position", "two of three", "two tracks", "all of three", "four of four", "four of four, pipelined"],
 )
 def test_a_compiled_filter_is_the_engine_and_follows_the_reference(model, core, algorithm):
     inverts = algorithm.kind in ("conventional", "joseph") and model.m > 1
     correlated = np.any(model.R - np.diag(np.diag(model.R)))
-    refused = correlated and algorithm.kind in ("sequential", "taylor")
-    if refused:
-        with pytest.raises(ProgramError, match=r'use "(sequential|conventional)"'):
+    if correlated and algorithm.kind in ("sequential", "bierman_thornton"):
+        with pytest.raises(ProgramError, match=r'use "(joseph|conventional)"'):
             traced(model, algorithm, core.size)
         return
     z = measurements(model)
@@ -111,6 +145,38 @@ def test_a_compiled_filter_is_the_engine_and_follows_the_reference(model, core, 
     np.testing.assert_allclose(reals[:, : model.n], x[running], atol=2e-2 if inverts else 2e-3)
     variances = P[running][:, range(model.n), range(model.n)]
     np.testing.assert_allclose(reals[:, model.n :], variances, atol=5e-2 if inverts else 1e-2)
+
+
+@pytest.mark.parametrize(
+    "algorithm", [Conventional(), BiermanThornton(), Scheduled(steps=0)], ids=lambda a: a.kind
+)
+def test_controls_move_the_mean(algorithm):
+    z = measurements(STEERED)[:40]
+    u = np.random.default_rng(4).normal(size=(40, 2))
+    filter_ = traced(STEERED, algorithm, 3)
+    rows = rows_read(CORE, z, u)
+    engine = Engine(filter_, CORE)
+    wanted = [number for row in rows for number in engine.step(row)]
+    machine = Machine(CORE, BenchSource(tokens(filter_, CORE, rows)), BenchSink())
+    machine.load(compiled(filter_, CORE).words)
+    assert list(run(machine, 1_000_000).sent) == wanted
+    issued = commands(STEERED, z[:, None], np.ones((40, 1), bool))
+    found = reference(algorithm(STEERED), issued, z[:, None], u[:, None])
+    means = np.array(wanted).reshape(40, -1)[:, :2] * 2.0**-18
+    np.testing.assert_allclose(means, found.x[:, 0], atol=1e-3)
+
+
+def test_what_is_kept_tells_the_whole_covariance():
+    filter_, z = traced(MIXED, BiermanThornton(), 4), measurements(MIXED)[:12]
+    engine = Engine(filter_, FOUR)
+    for row in rows_read(FOUR, z):
+        engine.step(row)
+    numbers = {name: np.reshape(raw, (4, 4)) * 2.0**-18 for name, raw in engine.stored.items()}
+    x, P = filter_.estimate(numbers)
+    means, covariances, _ = followed(MIXED, BiermanThornton(), z)
+    np.testing.assert_allclose(x, means[-1], atol=1e-3)
+    np.testing.assert_allclose(P, covariances[-1], atol=1e-3)
+    np.testing.assert_array_equal(P, P.T)
 
 
 def test_filters_follow_each_other_in_one_machine():
@@ -141,6 +207,15 @@ def test_the_program_says_what_each_instruction_is():
     assert text.count("JUMP_U") == 1
 
 
+def test_dense_constants_are_read_in_loops_and_thin_ones_element_by_element():
+    text = source(traced(MIXED, Conventional(), 4), OVERLAPPING)
+    assert "read_F_row:     READ     0 F" in text
+    assert "SUB_33   F F F" not in text
+    assert text.count("LOOP ") == 2 * text.count("_column:")
+    thin = source(traced(POSITION, Conventional(), 3), CORE)
+    assert "LOOP" not in thin
+
+
 def test_what_is_known_is_not_computed():
     identity = linear_model(np.eye(2), np.eye(2), np.eye(2), np.eye(2), initial=given([0, 0], np.eye(2)))
     words = compiled(traced(identity, Sequential(), 3), CORE).words
@@ -160,8 +235,9 @@ def test_what_is_known_is_not_computed():
             CORE,
             "4 states do not fit the core's matrices of 3 by 3: take a larger core",
         ),
-        (POSITION, BiermanThornton(), CORE, 'kind = "bierman_thornton" has no program: choose conventional'),
-        (WHOLE, Taylor("initial"), CORE, '"taylor" has programs for innovations without correlation'),
+        (POSITION, Extended(), CORE, 'kind = "extended" has no program: choose conventional'),
+        (POSITION, Scheduled(steps=5), CORE, "for the steady gain alone: write steps = 0"),
+        (CERTAIN, BiermanThornton(), CORE, "that of x1 comes to zero"),
     ],
 )
 def test_what_has_no_program_is_refused(model, algorithm, core, message):

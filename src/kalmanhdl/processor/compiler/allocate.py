@@ -1,6 +1,6 @@
 """Where every matrix of a section stands in the data store."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from kalmanhdl.errors import ProgramError
@@ -15,14 +15,13 @@ from kalmanhdl.processor.compiler.graph import (
     sources_of,
 )
 from kalmanhdl.processor.compiler.schedule import accumulated_into
-from kalmanhdl.processor.compiler.trace import HELD, Traced
+from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import ACCUMULATING, VECTORS, Opcode
+from kalmanhdl.processor.instructions import VECTORS, Opcode
 
 _ROWS = {*VECTORS, Opcode.RECIP, Opcode.DET_33, Opcode.PICK}
 """Instructions that leave elements of their destination as they were."""
 
-GIVEN = ("z", "V")
 _SCRATCH = "_"
 
 
@@ -30,30 +29,36 @@ _SCRATCH = "_"
 class Places:
     """Names of matrices by address: the lasting ones, then scratch for vectors, then for matrices.
 
-    ``of[section][node]`` is the name of each node's place.
+    ``of[section][node]`` is the name of each node's place; nothing stands in ``spare`` before the sections.
     """
 
     names: tuple[str, ...]
+    spare: str
     of: Mapping[str, Mapping[int, str]]
 
 
-def allocate(filter_: Traced, sections: Sequence[Section], core: Core) -> Places:
+def allocate(filter_: Traced, sections: Sequence[Section], core: Core, *, turns: bool) -> Places:
     """A place for every node of scheduled sections: scratch is used again once nobody needs what is in it.
+
+    ``turns``: a matrix is needed before them.
 
     Raises ProgramError where the data store is too small.
     """
-    lasting = [*HELD, *GIVEN, *filter_.constants]
+    given = dict.fromkeys(each.name for one in sections for each in one.nodes if isinstance(each, Given))
+    lasting = [*filter_.held, *given, *filter_.constants]
     scratch: dict[str, list[str]] = {"v": [], "t": []}
-    of = {each.name: _of_section(each, scratch) for each in sections}
+    of = {each.name: _of_section(each, filter_.recipe.vectors, scratch) for each in sections}
+    if turns and not scratch["t"]:
+        scratch["t"].append(f"{_SCRATCH}t0")
     names = (*lasting, *scratch["v"], *scratch["t"])
     if len(names) > core.matrices:
         raise ProgramError(
             f"the filter needs {len(names)} matrices and the data store has {core.matrices}: enlarge it"
         )
-    return Places(names=names, of=of)
+    return Places(names=names, spare=f"{_SCRATCH}t0", of=of)
 
 
-def _of_section(section: Section, scratch: dict[str, list[str]]) -> dict[int, str]:
+def _of_section(section: Section, vectors: Collection[str], scratch: dict[str, list[str]]) -> dict[int, str]:
     last = _last_uses(section)
     results = {node: name for name, node in section.held.items()}
     ends = accumulated_into(section)
@@ -63,12 +68,12 @@ def _of_section(section: Section, scratch: dict[str, list[str]]) -> dict[int, st
         match node:
             case Constant(name) | Held(name) | Given(name, _) | Read(name, _):
                 places[index] = name
-            case Computed() if node.opcode in ACCUMULATING:
+            case Computed() if node.in_place:
                 places[index] = places[node.sources[-1]]
                 _release(index, set(node.sources[:-1]) - {node.sources[-1]}, last, places, free)
             case Computed():
                 _release(index, set(node.sources), last, places, free)
-                direct = _direct(section, index, results.get(ends[index]), last)
+                direct = _direct(section, index, results.get(ends[index]), vectors, last)
                 places[index] = direct or _taken(section, index, scratch, free)
             case Put(source, _):
                 _release(index, {source}, last, places, free)
@@ -88,9 +93,11 @@ def _release(
             free[places[source][len(_SCRATCH)]].append(places[source])
 
 
-def _direct(section: Section, index: int, name: str | None, last: Mapping[int, int]) -> str | None:
+def _direct(
+    section: Section, index: int, name: str | None, vectors: Collection[str], last: Mapping[int, int]
+) -> str | None:
     """The place of the held matrix that a node becomes, where nobody needs its old value any more."""
-    if name is None or (_row(section, index) and name != "x"):
+    if name is None or (_row(section, index) and name not in vectors):
         return None
     old = [k for k, node in enumerate(section.nodes) if node == Held(name)]
     return name if all(last[k] <= index for k in old) else None

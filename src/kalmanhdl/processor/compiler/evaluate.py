@@ -18,7 +18,7 @@ from kalmanhdl.processor.compiler.graph import (
     Read,
     Section,
 )
-from kalmanhdl.processor.compiler.trace import HELD, Traced
+from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.instructions import OPERATIONS, Instruction, Kind, build
 
@@ -60,13 +60,13 @@ class Engine:
     _rows: int = 0
 
     def __post_init__(self) -> None:
-        self._held = {name: [0] * self.core.elements for name in HELD}
+        self._held = {name: [0] * self.core.elements for name in self.filter_.held}
         self._constants = {
             name: raw_constant(name, array, self.core) for name, array in self.filter_.constants.items()
         }
 
     def step(self, given: Sequence[int]) -> Raw:
-        """What is put out after one pass, from the m flags and the m measurements that it reads."""
+        """What is put out after one pass, from the flags, measurements and controls that it reads."""
         section = self.filter_.start if self._rows < self.filter_.points else self.filter_.step
         self._rows += 1
         values: dict[int, list[int]] = {}
@@ -75,7 +75,13 @@ class Engine:
             node = section.nodes[index]
             values[index] = [next(numbers)] if isinstance(node, Read) else self._value(section, node, values)
         self._held = {name: values[node] for name, node in section.held.items()}
-        return tuple(self._held[name][element] for name, element in self.filter_.outputs)
+        stored = self.stored
+        return tuple(stored[name][element] for name, element in self.filter_.outputs)
+
+    @property
+    def stored(self) -> Mapping[str, list[int]]:
+        """The raw elements of what stays from pass to pass, and of the constants."""
+        return {**self._constants, **self._held}
 
     def _value(self, section: Section, node: Node, values: Mapping[int, list[int]]) -> list[int]:
         result = [0] * self.core.elements
@@ -95,6 +101,8 @@ class Engine:
                 a, b, c = sources[0], sources[min(1, len(sources) - 1)], sources[-1]
                 found, outside = compute(instruction, a, b, self.core, c)
                 self.saturated |= outside
+                if node.in_place:
+                    result = list(c)
                 written = writes(instruction, self.core)
                 result[written.start : written.stop] = found
             case Read() | Put():

@@ -1,210 +1,52 @@
-"""Filters on whole matrices: each a function of matrices and vectors, which traces it."""
-
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+"""The algorithms that have programs."""
 
 import numpy as np
 
-from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Sequential, Taylor, steady_state
+from kalmanhdl.algorithm import (
+    Algorithm,
+    BiermanThornton,
+    Conventional,
+    Joseph,
+    Scheduled,
+    Sequential,
+    Taylor,
+    steady_state,
+)
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.processor.compiler.graph import named
-from kalmanhdl.processor.instructions import Opcode
-
-Anything = Any
-"""A traced matrix or vector."""
-
-ADJUGATE = 3
-"""The size of the matrices whose inverse is found by adjugate and determinant."""
-
-_OTHER = 'use "sequential"'
+from kalmanhdl.processor.compiler.covariance import gained, inverted, keeping_covariance, sequential
+from kalmanhdl.processor.compiler.expansion import expanded
+from kalmanhdl.processor.compiler.factors import factored
+from kalmanhdl.processor.compiler.recipe import Recipe
+from kalmanhdl.processor.compiler.steady import steady
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Matrices:
-    """The matrices of a model as constants. ``c(name, values)`` makes a further one."""
-
-    model: LinearModel
-    c: Callable[[str, Any], Anything]
-
-    def __getattr__(self, name: str) -> Anything:
-        return self.c(name, getattr(self.model, name))
-
-
-Update = Callable[[Matrices, Anything, Anything, Anything, Anything], tuple[Anything, Anything]]
-"""From the a priori x and P, the measurement z and the diagonal V of its valid flags to the new x and P."""
-
-
-def predict(model: Matrices, x: Anything, P: Anything) -> tuple[Anything, Anything]:
-    """F x and F P F' + Q."""
-    x = named(model.F @ x, "predict: x")
-    if np.any(model.model.offset):
-        x = named(x + model.offset, "predict: x with its offset")
-    return x, named(model.Q.plus(named(model.F @ P, "predict: F P"), model.F), "predict: P")
-
-
-def update_of(algorithm: Algorithm, model: LinearModel, size: int) -> Update:
-    """The update of an algorithm. Raises ProgramError for one that has no program yet."""
+def recipe_of(algorithm: Algorithm, model: LinearModel, size: int) -> Recipe:
+    """The filter of an algorithm. Raises ProgramError for one that has no program."""
     match algorithm:
-        case Conventional():
-            return lambda m, x, P, z, V: _gained(m, x, P, z, V, _inverted(m, size), joseph=False)
-        case Joseph():
-            return lambda m, x, P, z, V: _gained(m, x, P, z, V, _inverted(m, size), joseph=True)
+        case Conventional() | Joseph():
+            joseph = isinstance(algorithm, Joseph)
+            return keeping_covariance(
+                lambda m, x, P, z, V: gained(m, x, P, z, V, inverted(m, size), joseph=joseph)
+            )
         case Taylor():
             S0 = steady_state.innovation_covariance(model, algorithm.point(model))
-            if np.any(S0 - np.diag(np.diag(S0))):
-                # Which inverse is expanded depends on which measurements are valid.
-                raise ProgramError(
-                    f'[algorithm] "taylor" has programs for innovations without correlation: {_OTHER}'
-                )
+            # What is nothing but rounding beside the variances correlates nothing.
+            S0[np.abs(S0) <= 8 * np.finfo(np.float64).eps * np.sqrt(np.outer(np.diag(S0), np.diag(S0)))] = 0.0
             newton = algorithm.newton
-            return lambda m, x, P, z, V: _gained(m, x, P, z, V, _expanded(m, S0, newton), joseph=True)
+            return keeping_covariance(
+                lambda m, x, P, z, V: gained(m, x, P, z, V, expanded(m, V, S0, newton), joseph=True)
+            )
         case Sequential():
-            return _sequential
+            return keeping_covariance(sequential)
+        case BiermanThornton():
+            return factored(model)
+        case Scheduled(steps=0):
+            return steady(model)
+        case Scheduled():
+            raise ProgramError(
+                '[algorithm] "scheduled" has a program for the steady gain alone: write steps = 0'
+            )
         case _:
-            kinds = "conventional, joseph, sequential or taylor"
+            kinds = "conventional, joseph, sequential, taylor, bierman_thornton, or scheduled with steps = 0"
             raise ProgramError(f'[algorithm] kind = "{algorithm.kind}" has no program: choose {kinds}')
-
-
-def _gained(
-    model: Matrices,
-    x: Anything,
-    P: Anything,
-    z: Anything,
-    V: Anything,
-    by_inverse: Callable[[Anything, Anything], Anything],
-    *,
-    joseph: bool,
-) -> tuple[Anything, Anything]:
-    """An update by a gain; a missed measurement has a row of zeros in V H, and so a column of zeros in K.
-
-    Measurements are taken in units in which S is near one, where it and its inverse have the most digits.
-    """
-    D = _units(model.model)
-    H = named(model.c("H_D", D @ model.model.H).rows_where(V), "update: H of what is valid")
-    HP = named(H @ P, "update: H P")
-    PHt = named(HP.transposed(), "update: P H'")
-    S = named(_noise(model, V, D).plus(HP, H), "update: S")
-    K = named(by_inverse(PHt, S), "update: K")
-    y = named(_measured(model, z).minus(model.H, x), "update: y")
-    y = named(model.c("D", D) @ y, "update: y in its units")
-    x = named(x.plus(K, y), "update: x")
-    if not joseph:
-        return x, named(P.minus(K, PHt), "update: P")
-    A = named(model.c("I", np.eye(model.model.n)) - named(K @ H, "update: K H"), "update: I - K H")
-    KR = named(K @ model.c("R_D", D @ model.model.R @ D), "update: K R")
-    noise = named(KR @ K.T, "update: K R K'")
-    return x, named(noise.plus(named(A @ P, "update: A P"), A), "update: P")
-
-
-def _units(model: LinearModel) -> Any:
-    """The powers of two, on a diagonal, that bring the variances of the settled innovations near one."""
-    S = steady_state.innovation_covariance(model, steady_state.steady_prior(model))
-    return np.diag(2.0 ** np.round(-0.5 * np.log2(np.diag(S))))
-
-
-def _noise(model: Matrices, V: Anything, D: Any) -> Anything:
-    """R in its units, and one on the rest of the diagonal, so that S is a matrix of the core with an inverse.
-
-    Where R is no diagonal it is V R V + I - V, so that a missed measurement has no part in the others.
-    """
-    R, size = D @ model.model.R @ D, V.builder.size
-    if not np.any(R - np.diag(np.diag(R))):
-        whole = np.eye(size)
-        whole[: len(R), : len(R)] = R
-        return model.c("R_D", whole)
-    rows = named(model.c("R_D", R).rows_where(V), "update: V R")
-    valid = named(named(rows.transposed(), "update: R V").rows_where(V), "update: V R V")
-    missed = named(model.c("I", np.eye(size)) - V, "update: I - V")
-    return named(valid + missed, "update: R of what is valid")
-
-
-def _measured(model: Matrices, z: Anything) -> Anything:
-    """A measurement without its offset."""
-    if not np.any(model.model.measurement_offset):
-        return z
-    return named(z - model.measurement_offset, "update: z without its offset")
-
-
-def _inverted(model: Matrices, size: int) -> Callable[[Anything, Anything], Anything]:
-    """P H' S^-1 by a reciprocal where S is a number, by adjugate and determinant, or by sweeps."""
-    m = model.model.m
-
-    def by_inverse(PHt: Anything, S: Anything) -> Anything:
-        if m == 1:
-            return PHt.scaled(named(S.alone(Opcode.RECIP, (1, 1)), "update: 1 / S"))
-        if m > ADJUGATE or size != ADJUGATE:
-            return PHt @ _swept(model, S)
-        determinant = named(S.alone(Opcode.DET_33, (1, 1)), "update: det S")
-        divisor = named(determinant.alone(Opcode.RECIP, (1, 1)), "update: 1 / det S")
-        adjugate = named(S.alone(Opcode.ADJ_33, (size, size)), "update: adj S")
-        # The product goes on while the reciprocal is found.
-        return named(PHt @ adjugate, "update: P H' adj S").scaled(divisor)
-
-    return by_inverse
-
-
-def _swept(model: Matrices, S: Anything) -> Anything:
-    """S^-1 by a sweep of every diagonal element (Goodnight 1979), whose pivots are those of L D L'.
-
-    A sweep of k takes S to S - 2 e e' - u u' / d, with e the unit vector k, d = S[k,k] and u = S e - e; all
-    of them give -S^-1.
-    """
-    size = S.shape[0]
-    for k in range(model.model.m):
-        unit = np.zeros((size, size))
-        unit[k, k] = 1.0
-        E = model.c(f"E{k}", unit)
-        pivot = named(S.picked(k), f"update: pivot {k}") if k else S
-        d = named(pivot.alone(Opcode.RECIP, (1, 1)), f"update: 1 / pivot {k}")
-        u = named(named(S @ E, f"update: column {k}") - E, f"update: column {k} less one")
-        rest = named(S - model.c(f"E{k}_2", 2.0 * unit), f"update: S less two at {k}")
-        S = named(rest.minus(named(u.scaled(d), f"update: u / d, {k}"), u), f"update: S swept to {k}")
-    return named(model.c("zero", np.zeros((size, size))) - S, "update: S^-1")
-
-
-def _expanded(model: Matrices, S0: Any, newton: int) -> Callable[[Anything, Anything], Anything]:
-    """P H' X with X = 2 X0 - X0 S X0, liu2007 eq. 14 and 15, then X (2 I - S X) as often as asked for."""
-
-    def by_inverse(PHt: Anything, S: Anything) -> Anything:
-        D, size = _units(model.model), S.shape[0]
-        whole = np.eye(size)
-        whole[: len(S0), : len(S0)] = np.linalg.inv(D @ S0 @ D)
-        X0 = model.c("X0", whole)
-        doubled = model.c("X0_2", 2.0 * whole)
-        X = named(doubled.minus(named(X0 @ S, "update: X0 S"), X0), "update: S^-1")
-        for step in range(newton):
-            product = named(S @ X, f"update: S X, {step}")
-            rest = named(model.c("I_2", 2.0 * np.eye(size)) - product, f"update: 2 I - S X, {step}")
-            X = named(X @ rest, f"update: S^-1, {step + 1}")
-        return PHt @ X
-
-    return by_inverse
-
-
-def _sequential(
-    model: Matrices, x: Anything, P: Anything, z: Anything, V: Anything
-) -> tuple[Anything, Anything]:
-    """A scalar update for each measurement. Raises ProgramError where they are correlated."""
-    linear = model.model
-    if np.any(linear.R - np.diag(np.diag(linear.R))):
-        raise ProgramError('[algorithm] "sequential" needs a diagonal R here: use "conventional"')
-    z = _measured(model, z)
-    for j in range(linear.m):
-        only = np.diag(np.eye(linear.m)[j])
-        h = named(model.c(f"H{j}", only @ linear.H).rows_where(V), f"update {j}: h, if valid")
-        hP = named(h @ P, f"update {j}: h P")
-        Ph = named(hP.transposed(), f"update {j}: P h'")
-        S = named(model.c(f"R{j}", only @ linear.R).plus(hP, h), f"update {j}: s")
-        K = named(_over(Ph, S, j), f"update {j}: K")
-        y = named(z.minus(h, x), f"update {j}: y")
-        x = named(x.plus(K, y), f"update {j}: x")
-        P = named(P.minus(K, Ph), f"update {j}: P")
-    return x, P
-
-
-def _over(Ph: Anything, S: Anything, j: int) -> Anything:
-    """P h' / s, s being element j, j of S."""
-    s = S if j == 0 else named(S.picked(j), f"update {j}: s alone")
-    return Ph.scaled(named(s.alone(Opcode.RECIP, (1, 1)), f"update {j}: 1 / s"))

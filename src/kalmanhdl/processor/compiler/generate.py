@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.compiler.allocate import Places, allocate
-from kalmanhdl.processor.compiler.evaluate import padded, raw_constant
+from kalmanhdl.processor.compiler.constants import TURN, input_lines, numbers_read, read_source, readings
 from kalmanhdl.processor.compiler.graph import Computed, Constant, Given, Held, Put, Read, Section
 from kalmanhdl.processor.compiler.schedule import scheduled
 from kalmanhdl.processor.compiler.trace import Traced
@@ -29,23 +29,16 @@ def source(filter_: Traced, core: Core) -> str:
         for k in range(filter_.points)
     ]
     step = scheduled(filter_.step, core, filter_.outputs)
-    places = allocate(filter_, (*starts, step), core)
-    lines = [".text", *(f"{'':16}SUB_33   {name} {name} {name}" for name in places.names)]
-    for name, array in filter_.constants.items():
-        lines.append(f"{'':16}-- {name}")
-        for element in np.flatnonzero(padded(array, core.size)):
-            lines += _input(f"{name}_{element}", int(element), name, core)
+    read = readings(filter_, core)
+    places = allocate(filter_, (*starts, step), core, turns=any(one.looped for one in read))
+    whole = {one.name for one in read if one.looped}
+    cleared = [name for name in places.names if name not in whole]
+    lines = [".text", *(f"{'':16}SUB_33   {name} {name} {name}" for name in cleared)]
+    lines += read_source(read, {TURN: places.spare}, core)
     for section in (*starts, step):
         lines += [f"{section.name + ':':<15} -- {section.name}", *_section(section, places, core)]
     lines.append(f"{'':16}JUMP_U   step")
     return "\n".join([*lines, ".data", *(f"{name}:" for name in places.names)]) + "\n"
-
-
-def _input(label: str, element: int, name: str, core: Core) -> Iterator[str]:
-    """A pipelined core's READ waits by itself."""
-    if not core.pipelined:
-        yield f"{label + ':':<15} JUMP_DRDY {label}"
-    yield f"{'':16}READ     {element} {name}"
 
 
 def _output(label: str, element: int, name: str, core: Core) -> Iterator[str]:
@@ -59,7 +52,7 @@ def _section(section: Section, places: Places, core: Core) -> Iterator[str]:
     for index, node in enumerate(section.nodes):
         match node:
             case Read(name, element):
-                yield from _input(f"{section.name}_{name}{element}", element, name, core)
+                yield from input_lines(f"{section.name}_{name}{element}", element, name, core)
             case Put(source, element):
                 yield from _output(f"{section.name}_out{index}", element, of[source], core)
             case Computed():
@@ -79,33 +72,23 @@ def _instruction(node: Computed, of: Mapping[int, str], index: int) -> str:
     return f"{node.opcode.name:<8} {' '.join([*words, of[index]])}"
 
 
-def constants_read(filter_: Traced, core: Core) -> tuple[int, ...]:
-    """The raw numbers that the program reads before the first row."""
-    found: list[int] = []
-    for name, array in filter_.constants.items():
-        found += [raw for raw in raw_constant(name, array, core) if raw]
-    return tuple(found)
+def rows_read(core: Core, z: ArrayLike, u: ArrayLike | None = None) -> tuple[tuple[int, ...], ...]:
+    """The raw numbers that the program reads of each row of z (steps, m), NaN where missed, and u (steps, p).
 
-
-def rows_read(core: Core, z: ArrayLike) -> tuple[tuple[int, ...], ...]:
-    """The raw numbers that the program reads of each row of z (steps, m), NaN where missed.
-
-    Flags, then measurements; what is missed is zero.
+    Flags, then measurements, then controls; what is missed is zero.
     """
     array = np.asarray(z, np.float64)
+    controls = np.zeros((len(array), 0)) if u is None else np.asarray(u, np.float64)
     one = core.form.nearest(1.0)
     return tuple(
         (
             *(0 if missed else one for missed in lost),
-            *(
-                0 if missed else core.form.nearest(float(value))
-                for value, missed in zip(row, lost, strict=True)
-            ),
+            *(core.form.nearest(value) for value in [*np.where(lost, 0.0, row).tolist(), *more.tolist()]),
         )
-        for row, lost in zip(array, np.isnan(array), strict=True)
+        for row, lost, more in zip(array, np.isnan(array), controls, strict=True)
     )
 
 
 def tokens(filter_: Traced, core: Core, rows: Iterable[Sequence[int]]) -> tuple[int, ...]:
     """All that the program reads."""
-    return (*constants_read(filter_, core), *(number for row in rows for number in row))
+    return (*numbers_read(filter_, core), *(number for row in rows for number in row))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.instructions import Opcode
+from kalmanhdl.processor.instructions import ACCUMULATING, Opcode
 
 Array = NDArray[np.float64]
 
@@ -51,12 +51,18 @@ class Given:
 class Computed:
     """The result of an instruction on earlier matrices; ``immediate`` is its element or exponent.
 
-    The last source of one that accumulates is what its destination has before.
+    The last source of one that accumulates is what its destination has before, and so is the second one of a
+    reciprocal, which leaves the other elements as they are.
     """
 
     opcode: Opcode
     sources: tuple[int, ...]
     immediate: int = 0
+
+    @property
+    def in_place(self) -> bool:
+        """Whether its last source is what its destination has before."""
+        return self.opcode in ACCUMULATING or (self.opcode is Opcode.RECIP and len(self.sources) > 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +131,32 @@ class Vector:
         """This less the product of a matrix and a vector, rounded once."""
         return self._accumulated(Opcode.MSUB_31, Opcode.SUB_33, matrix, vector)
 
+    def times(self, other: "Vector") -> "Vector":
+        """This and another one, element by element."""
+        return self._with(Opcode.HAD_33, other)
+
+    def outer(self, other: "Vector") -> "Matrix":
+        """This times the other transposed."""
+        index = self.builder.place(Computed(Opcode.OUTER_33, (self.index, other.index)))
+        return Matrix(self.builder, index, (self.length, other.length))
+
+    def scaled(self, factor: "Matrix") -> "Vector":
+        """Every element times element 0 of a matrix."""
+        index = self.builder.place(Computed(Opcode.MULT_3S, (self.index, factor.index)))
+        return Vector(self.builder, index, self.length)
+
+    def picked(self, place: int) -> "Matrix":
+        """An element alone."""
+        index = self.builder.place(Computed(Opcode.PICK, (self.index,), place))
+        return Matrix(self.builder, index, (1, 1))
+
+    def reciprocals(self) -> "Vector":
+        """1 / every element, one after the other into the same place."""
+        index = self.builder.place(Computed(Opcode.RECIP, (self.index,), 0))
+        for place in range(1, self.length):
+            index = self.builder.place(Computed(Opcode.RECIP, (self.index, index), place))
+        return Vector(self.builder, index, self.length)
+
     def _accumulated(self, opcode: Opcode, simple: Opcode, matrix: "Matrix", vector: "Vector") -> "Vector":
         if _unit(matrix, vector.length):
             return self._with(simple, vector)
@@ -152,6 +184,8 @@ class Matrix:
 
     def transposed(self) -> "Matrix":
         """Transposed, by an instruction."""
+        if self.known is not None:
+            return self.builder.constant("C", self.known.T)
         return self.alone(Opcode.TRANS_33, self.shape[::-1])
 
     def __add__(self, other: "Matrix") -> "Matrix":
@@ -199,12 +233,11 @@ class Matrix:
         """Every element times element 0 of another matrix."""
         return self._computed(Opcode.MULT_3S, (self, factor), self.shape)
 
-    def shifted(self, exponent: int) -> "Matrix":
-        """Every element times a power of two."""
-        if exponent == 0:
-            return self
-        index = self.builder.place(Computed(Opcode.SCALE, (self.index,), exponent))
-        return Matrix(self.builder, index, self.shape)
+    def elementwise(self, other: "Matrix") -> "Matrix":
+        """This times another one, element by element."""
+        if self.known is not None and other.known is not None:
+            return self.builder.constant("C", self.known * other.known)
+        return self._computed(Opcode.HAD_33, (self, other), self.shape)
 
     def picked(self, place: int) -> "Matrix":
         """The element of a row and column of this number, alone."""

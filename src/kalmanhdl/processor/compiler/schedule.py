@@ -32,8 +32,8 @@ _SHAKE = 6.0
 def scheduled(section: Section, core: Core, outputs: Sequence[tuple[str, int]]) -> Section:
     """The live nodes of a section in the order of the program, with the copies that it needs.
 
-    ``outputs`` are elements of the held matrices as the section before left them. They are put out before
-    anything is read, which may take its time to come.
+    ``outputs`` are elements of constants, and of the held matrices as the section before left them. They are
+    put out before anything is read, which may take its time to come.
     """
     copied = _with_copies(_putting_out(section, outputs))
     return _permuted(copied, _order(copied, core))
@@ -41,10 +41,14 @@ def scheduled(section: Section, core: Core, outputs: Sequence[tuple[str, int]]) 
 
 def _putting_out(section: Section, outputs: Sequence[tuple[str, int]]) -> Section:
     nodes = list(section.nodes)
+
+    def at(name: str) -> Held | Constant:
+        return Held(name) if name in section.held else Constant(name)
+
     for name in dict.fromkeys(name for name, _ in outputs):
-        if Held(name) not in nodes:
-            nodes.append(Held(name))
-    nodes += [Put(nodes.index(Held(name)), element) for name, element in outputs]
+        if at(name) not in nodes:
+            nodes.append(at(name))
+    nodes += [Put(nodes.index(at(name)), element) for name, element in outputs]
     return replace(section, nodes=tuple(nodes))
 
 
@@ -53,7 +57,7 @@ def accumulated_into(section: Section) -> dict[int, int]:
     ends = {index: index for index in range(len(section.nodes))}
     for index in range(len(section.nodes) - 1, -1, -1):
         node = section.nodes[index]
-        if isinstance(node, Computed) and node.opcode in ACCUMULATING:
+        if isinstance(node, Computed) and node.in_place:
             ends[node.sources[-1]] = ends[index]
     return ends
 
@@ -68,7 +72,7 @@ def _with_copies(section: Section) -> Section:
     for index in live:
         node = section.nodes[index]
         moved = _renumbered(node, numbers)
-        if isinstance(node, Computed) and isinstance(moved, Computed) and node.opcode in ACCUMULATING:
+        if isinstance(node, Computed) and isinstance(moved, Computed) and node.in_place:
             base = node.sources[-1]
             if _stays(section, base, index, users):
                 nodes.append(Computed(Opcode.COPY, (numbers[base],)))
@@ -142,6 +146,9 @@ def _waits(section: Section) -> list[dict[int, bool]]:
     exchanged: list[int] = []
     for index, node in enumerate(section.nodes):
         waits[index] = dict.fromkeys(sources_of(node), True)
+        if isinstance(node, Computed) and node.in_place and node.opcode not in ACCUMULATING:
+            # It leaves the other elements alone, and reads none of them.
+            waits[index][node.sources[-1]] = False
     for kind in (Put, Read):
         of_kind = [index for index, node in enumerate(section.nodes) if isinstance(node, kind)]
         exchanged += of_kind
@@ -149,7 +156,7 @@ def _waits(section: Section) -> list[dict[int, bool]]:
         waits[after].setdefault(before, False)
     users = _users(section, range(len(section.nodes)))
     for index, node in enumerate(section.nodes):
-        if isinstance(node, Computed) and node.opcode in ACCUMULATING:
+        if isinstance(node, Computed) and node.in_place:
             for user in users[node.sources[-1]]:
                 if user != index:
                     waits[index].setdefault(user, False)

@@ -1,6 +1,6 @@
 """From a linear model and an algorithm to the sections of a program."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from kalmanhdl.algorithm import Algorithm
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.model import Model
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.processor.compiler.filters import Matrices, predict, update_of
+from kalmanhdl.processor.compiler.filters import recipe_of
 from kalmanhdl.processor.compiler.graph import (
     Array,
     Builder,
@@ -21,19 +21,19 @@ from kalmanhdl.processor.compiler.graph import (
     check_size,
     named,
 )
-
-HELD = ("x", "P")
+from kalmanhdl.processor.compiler.recipe import Anything, Given, Kept, Matrices, Recipe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traced:
     """A filter on matrices of ``size``: the section that starts a track, passed ``points`` times, and a step.
 
-    Every section reads m valid flags, 0 or 1, and m measurements; then x and the diagonal of P are put out.
-    ``constants`` are read once, before the first section.
+    Every section reads m valid flags, 0 or 1, m measurements and p controls; then x and the variances are put
+    out. ``constants`` are read once, before the first section.
     """
 
     model: LinearModel
+    recipe: Recipe
     size: int
     points: int
     start: Section
@@ -41,10 +41,22 @@ class Traced:
     constants: Mapping[str, Array]
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """The matrices that stay from step to step."""
+        return (*self.recipe.vectors, *self.recipe.matrices)
+
+    @property
     def outputs(self) -> tuple[tuple[str, int], ...]:
-        """What is put out after every section: elements of held matrices, in order."""
-        n = range(self.model.n)
-        return (*(("x", i) for i in n), *(("P", i * (self.size + 1)) for i in n))
+        """What is put out after every section: elements of held matrices or constants, in order."""
+        n, name = range(self.model.n), self.recipe.variances
+        stride = 1 if name in self.recipe.vectors else self.size + 1
+        return (*(("x", i) for i in n), *((name, i * stride) for i in n))
+
+    def estimate(self, numbers: Mapping[str, Array]) -> tuple[Array, Array]:
+        """x (n,) and P (n, n) of what the held matrices and the constants (size, size) contain."""
+        n, vectors = self.model.n, self.recipe.vectors
+        values = {name: each[0, :n] if name in vectors else each[:n, :n] for name, each in numbers.items()}
+        return values["x"], self.recipe.covariance(values)
 
 
 def traced(model: Model, algorithm: Algorithm, size: int) -> Traced:
@@ -54,48 +66,77 @@ def traced(model: Model, algorithm: Algorithm, size: int) -> Traced:
     """
     if not isinstance(model, LinearModel):
         raise ProgramError(f"a {model.kind} model has no program yet: take a linear one")
-    if model.p:
-        raise ProgramError(f"the model has {model.p} controls: programs have none yet")
-    check_size("states", model.n, size)
-    check_size("measurements", model.m, size)
-    update = update_of(algorithm, model, size)
+    for what, count in (("states", model.n), ("measurements", model.m), ("controls", model.p)):
+        check_size(what, count, size)
+    recipe = recipe_of(algorithm, model, size)
     constants: dict[str, Array] = {}
-
-    def begin() -> tuple[Builder, Matrices, Vector, Matrix, Vector, Matrix]:
-        builder = Builder(size, constants)
-        n, m = model.n, model.m
-        x = Vector(builder, builder.place(Held("x")), n)
-        P = Matrix(builder, builder.place(Held("P")), (n, n))
-        V = Matrix(builder, builder.given("V", range(0, m * (size + 1), size + 1)), (m, m))
-        z = Vector(builder, builder.given("z", range(m)), m)
-        return builder, Matrices(model=model, c=_constants(builder, size)), x, P, z, V
-
-    builder, matrices, x, P, z, V = begin()
-    x1, P1 = start(matrices, x, z)
-    if model.initial.before_update:
-        x1, P1 = update(matrices, x1, P1, z, V)
-    first = _section("start", builder, x1, P1)
-    builder, matrices, x, P, z, V = begin()
-    x2, P2 = predict(matrices, x, P)
-    x2, P2 = update(matrices, x2, P2, z, V)
-    later = _section("step", builder, x2, P2)
+    row = _Row(model=model, recipe=recipe, size=size, constants=constants)
+    starts = row.section("start", _start)
+    step = row.section("step", _step)
     return Traced(
-        model=model, size=size, points=model.initial.points, start=first, step=later, constants=constants
+        model=model,
+        recipe=recipe,
+        size=size,
+        points=model.initial.points,
+        start=starts,
+        step=step,
+        constants=constants,
     )
 
 
-def start(matrices: Matrices, x: Any, z: Any) -> tuple[Any, Any]:
-    """The belief that the command ``initialise`` makes of the state kept before and a measurement."""
+_Pass = Callable[[Recipe, Matrices, Kept, Given], Kept]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    """What every section begins with."""
+
+    model: LinearModel
+    recipe: Recipe
+    size: int
+    constants: dict[str, Array]
+
+    def section(self, name: str, work: _Pass) -> Section:
+        """What is done to a row, as a section."""
+        builder, model = Builder(self.size, self.constants), self.model
+        n, m, p = model.n, model.m, model.p
+        kept: dict[str, Anything] = {
+            each: Vector(builder, builder.place(Held(each)), n) for each in self.recipe.vectors
+        }
+        kept |= {each: Matrix(builder, builder.place(Held(each)), (n, n)) for each in self.recipe.matrices}
+        V = builder.given("V", range(0, m * (self.size + 1), self.size + 1))
+        z = builder.given("z", range(m))
+        u = Vector(builder, builder.given("u", range(p)), p) if p else None
+        given = Given(z=Vector(builder, z, m), V=Matrix(builder, V, (m, m)), u=u)
+        matrices = Matrices(model=model, c=_constants(builder))
+        found = self.recipe.finish(matrices, work(self.recipe, matrices, kept, given))
+        return Section(
+            name=name,
+            nodes=tuple(builder.nodes),
+            comments=dict(builder.comments),
+            held={each: value.index for each, value in found.items()},
+        )
+
+
+def _start(recipe: Recipe, matrices: Matrices, kept: Kept, given: Given) -> Kept:
+    """The belief that the command ``initialise`` makes of the state kept before and a row."""
     initial = matrices.model.initial
     mean = matrices.c("x0", initial.x)
     if np.any(initial.from_measurement):
-        mean = mean + matrices.c("from_z", initial.from_measurement) @ z
+        mean = mean + matrices.c("from_z", initial.from_measurement) @ given.z
     if np.any(initial.from_state):
-        mean = mean + matrices.c("from_x", initial.from_state) @ x
-    return named(mean, "start: x"), matrices.c("P0", initial.P)
+        mean = mean + matrices.c("from_x", initial.from_state) @ kept["x"]
+    if initial.from_control is not None and np.any(initial.from_control):
+        mean = mean + matrices.c("from_u", initial.from_control) @ given.u
+    begun = {"x": named(mean, "start: x"), **recipe.begin(matrices)}
+    return recipe.update(matrices, begun, given) if initial.before_update else begun
 
 
-def _constants(builder: Builder, size: int) -> Any:
+def _step(recipe: Recipe, matrices: Matrices, kept: Kept, given: Given) -> Kept:
+    return recipe.update(matrices, recipe.predict(matrices, kept, given), given)
+
+
+def _constants(builder: Builder) -> Callable[[str, Any], Anything]:
     """What makes a constant of an array: a vector of one dimension, else a matrix."""
 
     def make(name: str, values: Any) -> Matrix | Vector:
@@ -106,12 +147,3 @@ def _constants(builder: Builder, size: int) -> Any:
         return builder.constant(name, array)
 
     return make
-
-
-def _section(name: str, builder: Builder, x: Vector, P: Matrix) -> Section:
-    return Section(
-        name=name,
-        nodes=tuple(builder.nodes),
-        comments=dict(builder.comments),
-        held={"x": x.index, "P": P.index},
-    )

@@ -36,13 +36,20 @@ def register(m: Module, name: str, value: Value) -> Value:
 
 
 class ProductSums(wiring.Component):
-    """All N * N sums of N products each: the exact product of two matrices, two clocks after them."""
+    """All N * N sums of N products each: the exact product of two matrices, two clocks after them.
+
+    In place of a sum its first product alone: of the elements of the two, ``elementwise``, or of those of
+    their first rows, ``outer``.
+    """
 
     def __init__(self, core: Core) -> None:
         self._core = core
         self.width = 2 * core.form.width + (core.size - 1).bit_length()
         sums = ArrayLayout(signed(self.width), core.elements)
-        super().__init__({"a": In(matrix_layout(core)), "b": In(matrix_layout(core)), "sums": Out(sums)})
+        matrix = matrix_layout(core)
+        super().__init__(
+            {"a": In(matrix), "b": In(matrix), "elementwise": In(1), "outer": In(1), "sums": Out(sums)}
+        )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -50,13 +57,19 @@ class ProductSums(wiring.Component):
         for i in range(n):
             for j in range(n):
                 products = [self._product(m, i, k, j) for k in range(n)]
-                total = register(m, f"sum_{i}_{j}", sum(products[1:], start=products[0]))
-                m.d.comb += self.sums[n * i + j].eq(total)
+                total = sum(products[1:], start=products[0])
+                if self._core.extended:
+                    total = Mux(self.elementwise | self.outer, products[0], total)
+                m.d.comb += self.sums[n * i + j].eq(register(m, f"sum_{i}_{j}", total))
         return m
 
     def _product(self, m: Module, i: int, k: int, j: int) -> Value:
         n = self._core.size
-        return register(m, f"product_{i}_{k}_{j}", self.a[n * i + k] * self.b[n * k + j])
+        left, right = self.a[n * i + k], self.b[n * k + j]
+        if self._core.extended and k == 0:
+            left = Mux(self.elementwise, self.a[n * i + j], Mux(self.outer, self.a[i], left))
+            right = Mux(self.elementwise, self.b[n * i + j], right)
+        return register(m, f"product_{i}_{k}_{j}", left * right)
 
 
 class MatrixSum(wiring.Component):
@@ -144,20 +157,29 @@ class Alu(wiring.Component):
             m.d.sync += [b[e].eq(operand) for e, operand in enumerate(operands)]
         m.d.comb += [products.a.eq(self.a), products.b.eq(b), total.a.eq(self.a), total.b.eq(b)]
         m.d.comb += total.subtract.eq(self._is(Opcode.SUB_33))
+        m.d.comb += [
+            products.elementwise.eq(self._is(Opcode.HAD_33)),
+            products.outer.eq(self._is(Opcode.OUTER_33)),
+        ]
         exact = [self._exact(e, products, total) for e in range(core.elements)]
         firsts: list[tuple[Opcode, tuple[Value, Value]]] = []
+        reciprocal = self._reciprocal(m) if core.extended else None
         if core.size == 3:
             self._add_cofactors(m, exact, firsts)
-        if core.extended:
-            firsts.append((Opcode.RECIP, self._reciprocal(m)))
         flags = Signal(core.elements)
         for e in range(core.elements):
             value, outside = self._quantised(exact[e], 2)
             for opcode, (special, flag) in firsts if e == 0 else ():
                 value, outside = Mux(self._is(opcode), special, value), Mux(self._is(opcode), flag, outside)
             value, outside = self._moved(e, b, value, outside)
+            counts = written(core, self.opcode, e)
+            if reciprocal is not None:
+                is_it = self._is(Opcode.RECIP)
+                value, outside = Mux(is_it, reciprocal[0], value), Mux(is_it, reciprocal[1], outside)
+                # It goes to any element; its flag is that of the first one.
+                counts = counts | is_it if e == 0 else counts
             m.d.comb += self.result[e].eq(register(m, f"result_{e}", fitted(value, core.form.width, True)))
-            m.d.sync += flags[e].eq(outside & written(core, self.opcode, e))
+            m.d.sync += flags[e].eq(outside & counts)
         m.d.comb += self.outside.eq(flags.any())
         return m
 
@@ -201,15 +223,14 @@ class Alu(wiring.Component):
                 exact[e] = Mux(self._is(Opcode.ADJ_33), cofactors.cofactors[3 * column + row], exact[e])
 
     def _reciprocal(self, m: Module) -> tuple[Value, Value]:
-        """Of element 0, which a clock after the third stands still; of what is not positive that of zero."""
+        """Of the chosen element, there from the third clock on; of what is not positive that of zero."""
         form = self._core.form
         most = Fixed(width=form.width - 1, fraction=form.fraction, signed=False)
         divisor = Operand(form=most, low=0, high=most.highest)
         m.submodules.reciprocal = unit = TableNewtonReciprocal(
             divisor, form, self._core.rounding, self._core.division, registers=_RECIPROCAL_REGISTERS
         )
-        a = self.a[0]
-        m.d.comb += unit.divisor.eq(Mux(a < 0, 0, a))
+        m.d.comb += unit.divisor.eq(Mux(self.chosen < 0, 0, self.chosen))
         return unit.quotient, unit.outside
 
     def _moved(self, element: int, b: Signal, value: Value, outside: Value) -> tuple[Value, Value]:

@@ -7,7 +7,7 @@ from amaranth.hdl import Const, Value
 from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.instructions import Instruction, Opcode
 
-NAMING = (Opcode.READ, Opcode.PLACE)
+NAMING = (Opcode.READ, Opcode.PLACE, Opcode.RECIP)
 """The instructions that write the element that they name."""
 
 

@@ -62,7 +62,7 @@ class ElementUnit(wiring.Component):
             m.d.comb += self.result[e].eq(self._moved(opcode, e, (a, b), incoming, value))
         m.d.comb += self.outside.eq(flags.any())
         if core.extended:
-            self._reciprocal(m, a)
+            self._reciprocal(m)
         return m
 
     def _moved(
@@ -85,8 +85,8 @@ class ElementUnit(wiring.Component):
             value = Mux(is_one_of(opcode, core, (each,)), moved, value)
         return value
 
-    def _reciprocal(self, m: Module, a: Signal) -> None:
-        """Of what is not positive that of zero."""
+    def _reciprocal(self, m: Module) -> None:
+        """Of the chosen element; of what is not positive that of zero."""
         form = self._core.form
         most = Fixed(width=form.width - 1, fraction=form.fraction, signed=False)
         m.submodules.reciprocal = unit = TableNewtonReciprocal(
@@ -97,7 +97,7 @@ class ElementUnit(wiring.Component):
             registers=RECIPROCAL_REGISTERS,
         )
         m.d.comb += [
-            unit.divisor.eq(Mux(a[0] < 0, 0, a[0])),
+            unit.divisor.eq(Mux(self.chosen < 0, 0, self.chosen)),
             self.reciprocal.eq(unit.quotient),
             self.reciprocal_outside.eq(unit.outside),
         ]

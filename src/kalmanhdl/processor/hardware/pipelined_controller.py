@@ -171,14 +171,18 @@ class PipelinedController(wiring.Component):
         core, stored = self._core, board.stored
         of_array = [each for each in Opcode if each is not Opcode.DET_33 and passes(each, core)]
         from_array = is_one_of(stored.opcode, core, of_array)
-        firsts = [(Opcode.DET_33, array.determinant, array.determinant_outside)]
-        firsts += [(Opcode.RECIP, unit.reciprocal, unit.reciprocal_outside)]
+        special = (
+            (is_one_of(stored.opcode, core, (Opcode.RECIP,)), unit.reciprocal, unit.reciprocal_outside),
+            (is_one_of(stored.opcode, core, (Opcode.DET_33,)), array.determinant, array.determinant_outside),
+        )
         outside = Mux(from_array, array.outside, unit.outside)
+        for is_it, _, flag in special:
+            outside = Mux(is_it, flag, outside)
         for e in range(core.elements):
             value: Value = Mux(from_array, array.result[e], unit.result[e])
-            for opcode, special, flag in firsts if e == 0 else ():
-                is_it = is_one_of(stored.opcode, core, (opcode,))
-                value, outside = Mux(is_it, special, value), Mux(is_it, flag, outside)
+            # A reciprocal may go to any element, a determinant to the first one.
+            for is_it, number, _ in special[: 2 if e == 0 else 1]:
+                value = Mux(is_it, number, value)
             m.d.comb += [
                 self.written[e].eq(value),
                 # What a reset finds on its way is lost.

@@ -23,8 +23,9 @@ def patterns(core: Core) -> dict[Opcode, tuple[Opcode, ...]]:
     matrices = (Opcode.MULT_33, Opcode.MULT_33T)
     scaled = (Opcode.MULT_3S, Opcode.SCALE)
     sums = (tuple(sorted(SYMMETRIC, key=lambda each: each.value)),) if core.extended else ()
+    elements = ((Opcode.HAD_33,), (Opcode.OUTER_33,)) if core.extended else ()
     vectors = tuple(sorted(VECTORS, key=lambda each: each.value))
-    return {each[0]: each for each in (vectors, matrices, scaled, *sums, *minors)}
+    return {each[0]: each for each in (vectors, matrices, scaled, *sums, *elements, *minors)}
 
 
 @dataclass(frozen=True, slots=True)

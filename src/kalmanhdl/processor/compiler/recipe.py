@@ -1,0 +1,80 @@
+"""What a compiled filter is: what it keeps from row to row, and what a row does to it, on whole matrices."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalmanhdl.algorithm import steady_state
+from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.processor.compiler.graph import Array, named
+
+Anything = Any
+"""A traced matrix or vector."""
+
+Kept = Mapping[str, Anything]
+"""What is kept, by name; the mean is ``x``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matrices:
+    """The matrices of a model as constants. ``c(name, values)`` makes a further one."""
+
+    model: LinearModel
+    c: Callable[[str, Any], Anything]
+
+    def __getattr__(self, name: str) -> Anything:
+        return self.c(name, getattr(self.model, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """What a row has: measurements z, the diagonal V of their flags, controls u if there are any."""
+
+    z: Anything
+    V: Anything
+    u: Anything
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """A filter on whole matrices.
+
+    It keeps ``vectors``, the mean x among them, and ``matrices``. ``begin`` is what a track starts with
+    beside x; ``predict`` and ``update`` take what is kept to what it becomes; ``finish`` adds what is put out
+    and not needed. ``variances`` is the vector or the matrix with the variances, a constant where it is not
+    kept; ``covariance`` makes P of the numbers that are kept.
+    """
+
+    vectors: tuple[str, ...]
+    matrices: tuple[str, ...]
+    begin: Callable[[Matrices], Kept]
+    predict: Callable[[Matrices, Kept, Given], Kept]
+    update: Callable[[Matrices, Kept, Given], Kept]
+    finish: Callable[[Matrices, Kept], Kept]
+    variances: str
+    covariance: Callable[[Mapping[str, Array]], Array]
+
+
+def predicted_mean(model: Matrices, x: Anything, given: Given) -> Anything:
+    """F x + B u, with its offset."""
+    x = named(model.F @ x, "predict: x")
+    if model.model.p:
+        x = named(x.plus(model.B, given.u), "predict: x with controls")
+    if np.any(model.model.offset):
+        x = named(x + model.offset, "predict: x with its offset")
+    return x
+
+
+def measured(model: Matrices, z: Anything) -> Anything:
+    """A measurement without its offset."""
+    if not np.any(model.model.measurement_offset):
+        return z
+    return named(z - model.measurement_offset, "update: z without its offset")
+
+
+def near_one(model: LinearModel) -> Any:
+    """The powers of two, on a diagonal, that bring the variances of the settled innovations near one."""
+    S = steady_state.innovation_covariance(model, steady_state.steady_prior(model))
+    return np.diag(2.0 ** np.round(-0.5 * np.log2(np.diag(S))))
