@@ -28,7 +28,6 @@ from kalmanhdl.pipeline import (
     proof_of,
     silent,
     simulate,
-    timed,
     usual_steps,
     verify,
     worth_optimising,
@@ -39,6 +38,7 @@ from kalmanhdl.simulate.data import Plots
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.process import in_background
 from kalmanhdl.toolchain.simulators import Simulator, need
+from kalmanhdl.toolchain.stages import timed
 from kalmanhdl.verify.compare import Verification
 
 # Raw integers that one run of a verification keeps of each step's outputs and states, in all.
@@ -163,15 +163,20 @@ def write_build(record: Record, bench: Mapping[str, str], folder: Path) -> None:
 _DESIGN = "design.toml"
 
 
+def read_design(folder: Path) -> Design:
+    """The design of a build folder. Raises DesignError where it is none."""
+    if not (folder / _DESIGN).is_file():
+        raise DesignError(f"{folder}: is no build folder: it has no {_DESIGN}")
+    return load(folder / _DESIGN)
+
+
 def read_build(folder: Path) -> Hardware:
     """The hardware of a build folder: the Verilog as it stands there, and the rest from its design.
 
     Raises:
         DesignError: the folder is none of a build, or its files cannot be read.
     """
-    if not (folder / _DESIGN).is_file():
-        raise DesignError(f"{folder}: is no build folder: it has no {_DESIGN}")
-    design = load(folder / _DESIGN)
+    design = read_design(folder)
     path = verilog_path(folder, design)
     try:
         verilog = path.read_text(encoding="utf-8")

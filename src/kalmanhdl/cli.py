@@ -14,11 +14,17 @@ from kalmanhdl.errors import DesignError
 from kalmanhdl.loading_commands import image
 from kalmanhdl.processor_commands import (
     asm,
-    build_processor,
     compile_filter,
     disasm,
     execute,
+)
+from kalmanhdl.processor_designs import (
+    STEPS,
+    build_processor,
+    implement_processor,
     show_processor,
+    simulate_processor,
+    verify_processor,
 )
 from kalmanhdl.validation import InvalidValueError
 
@@ -32,8 +38,6 @@ if TYPE_CHECKING:
 _MOST = 1_000_000_000
 _PICTURES = (".png", ".svg")
 _TABLES = (".csv", ".json")
-# A step of a program is many clocks, each of which the instruction-set simulator lives through.
-_STEPS_OF_A_PROGRAM = 1000
 # Doubles compute wider words no better.
 _WIDEST = 48
 
@@ -130,12 +134,12 @@ def build(
     chosen = _retargeted(_load(design, constant), {"seeds": seeds, "rounds": rounds, "grade": grade})
     simulators = _simulators(simulator)
     place = out or Path("build") / chosen.name
-    if chosen.processor is not None:
-        rows = 0 if no_verify else steps or _STEPS_OF_A_PROGRAM
-        build_processor(chosen, place, data=data, steps=rows, place=not no_place, force=force)
-        return
     check_folder(place, force=force)
     plots = _read(data, chosen)
+    if chosen.processor is not None:
+        rows = 0 if no_verify else steps or STEPS
+        build_processor(chosen, place, plots=plots, steps=rows, place=not no_place, force=force)
+        return
     with Progress() as progress:
         record = build_all(
             chosen,
@@ -175,6 +179,11 @@ def simulate(
         check_folder(out, force=force)
     plots = _read(data, chosen)
     assert plots is not None
+    if chosen.processor is not None:
+        simulate_processor(chosen, plots, out, force=force)
+        if out is not None:
+            typer.echo(f"estimates: {out / 'estimates.csv'}")
+        return
     with Progress() as progress:
         progress(f"filtering {int(plots.active.sum())} rows of {len(plots.tracks)} tracks")
         simulation = run(chosen, plots)
@@ -213,6 +222,12 @@ def verify(
 
     chosen = _simulators(simulator)
     need(chosen)
+    design = _design_at(path, constant)
+    if design.processor is not None:
+        folder = path if path.is_dir() else None
+        plots = _read(data, design)
+        verify_processor(design, folder, plots=plots, steps=steps or STEPS, seed=seed, simulators=chosen)
+        return
     with Progress() as progress:
         hardware = _hardware(path, progress, constant, place=False)
         plots = _read(data, hardware.design)
@@ -244,6 +259,10 @@ def implement(
         problem = "a build folder has its schedule already: give the design file"
         raise typer.BadParameter(problem, param_hint="--rounds")
     changed = {"seeds": seeds, "rounds": rounds, "grade": grade, "device": device}
+    design = _retargeted(_design_at(path, constant), changed)
+    if design.processor is not None:
+        implement_processor(design, path if path.is_dir() else None)
+        return
     closure = None
     with Progress() as progress:
         hardware = _hardware(path, progress, constant, place=True, target=changed)
@@ -583,6 +602,17 @@ def _read(data: Path | None, design: "Design") -> "Plots | None":
     return None if data is None else read_plots(data, design.model)
 
 
+def _design_at(path: Path, constants: list[str] | None) -> "Design":
+    """The design of a file, or of a build folder, whose numbers are its own."""
+    from kalmanhdl.build import read_design
+
+    if not path.is_dir():
+        return _load(path, constants)
+    if constants:
+        raise typer.BadParameter("a build folder has its numbers already", param_hint="--constant")
+    return read_design(path)
+
+
 def _hardware(
     path: Path,
     progress: Progress,
@@ -596,8 +626,6 @@ def _hardware(
     from kalmanhdl.pipeline import compile_design
 
     if path.is_dir():
-        if constants:
-            raise typer.BadParameter("a build folder has its numbers already", param_hint="--constant")
         prepare(place=place, progress=progress)
         progress(f"reading the build in {path}")
         hardware = read_build(path)

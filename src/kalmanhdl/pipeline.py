@@ -1,9 +1,7 @@
 """The whole line: each stage is a function from the values before it to its own."""
 
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,6 +25,7 @@ from kalmanhdl.target import Device
 from kalmanhdl.toolchain.area import AreaFigures
 from kalmanhdl.toolchain.nextpnr import Implementation
 from kalmanhdl.toolchain.simulators import Simulator, simulate_with
+from kalmanhdl.toolchain.stages import timed
 from kalmanhdl.toolchain.yosys import Netlist
 from kalmanhdl.validation import InvalidValueError, KalmanhdlWarning
 from kalmanhdl.verify.compare import Verification
@@ -197,7 +196,9 @@ def numbers_of(design: Design) -> Numbers | FloatNumbers:
     Raises FormatError, and DesignError for a design whose filter is a program of the processor.
     """
     if design.processor is not None:
-        problem = ' = "processor": only build and show know it: use "datapath" for all else'
+        problem = (
+            ' = "processor": the filter is a program, and has no hardware of its own: use "datapath" for this'
+        )
         raise InvalidValueError("architecture", "kind", problem)
     loadable = design.architecture.coefficients is Coefficients.LOADABLE
     if isinstance(design.numerics, FloatSpecification):
@@ -356,12 +357,3 @@ def areas(hardware: Hardware, progress: Progress = silent) -> tuple[AreaFigures,
 
     progress("synthesising for the papers' families")
     return tuple(area(hardware.verilog, hardware.design.name, family) for family in AREA_FAMILIES)
-
-
-@contextmanager
-def timed(seconds: dict[str, float], stage: str, progress: Progress, message: str) -> Iterator[None]:
-    """Tell that a stage begins, and keep the seconds that it took."""
-    progress(message)
-    begin = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - begin

@@ -10,12 +10,12 @@ from kalmanhdl.console import reported
 from kalmanhdl.errors import DataError, ProgramError
 
 if TYPE_CHECKING:
-    from kalmanhdl.design import Design
-    from kalmanhdl.model.model import Array, Model
+    from kalmanhdl.model.model import Model
     from kalmanhdl.processor.clocks import Retired
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.program import Program
     from kalmanhdl.processor.simulator import Machine
+    from kalmanhdl.simulate.data import Plots
 
 _MOST = 1_000_000_000
 _Program = Annotated[
@@ -122,89 +122,44 @@ def compile_filter(
 ) -> None:
     """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
     from kalmanhdl.design import Design
+    from kalmanhdl.model.units import unscaled
     from kalmanhdl.output import check_folder, new_folder
     from kalmanhdl.processor.compiler.constants import numbers_read
-    from kalmanhdl.processor.compiler.folder import contents, off_reference
+    from kalmanhdl.processor.compiler.folder import contents
     from kalmanhdl.processor.compiler.trace import traced
-    from kalmanhdl.processor.fit import begun
+    from kalmanhdl.processor.follow import follow, rows_of
+    from kalmanhdl.report.processor_document import off_reference
 
     check_folder(out, force=force)
     core = _core(width, fraction, rounding, overflow, size, multipliers)
     chosen = Design.load(design)
     filter_ = traced(chosen.model, chosen.algorithm, size)
-    z = None
-    if data is not None:
-        z = begun(_alone(data, chosen.model), filter_.model)
+    model = filter_.model
+    units = unscaled(model.n, model.m, model.p)
+    plots = None if data is None else _alone(data, chosen.model)
     # Says so where a constant does not fit.
     numbers_read(filter_, core)
-    found = contents(filter_, core, z)
+    rows = None if plots is None else rows_of(core, model, units, plots)[0]
+    found = contents(filter_, core, rows)
     with new_folder(out, force=force) as folder:
         for name, text in found.items():
             (folder / name).write_text(text, encoding="utf-8")
     words = found["program.hex"].count("\n")
     typer.echo(f"{chosen.name}: {words} words of program for matrices of {size} by {size} of {core.form}")
-    if z is not None:
-        typer.echo(
-            f"estimates at most {off_reference(filter_, chosen.algorithm, core, z).max():.3g} "
-            "off double precision"
-        )
+    if plots is not None:
+        followed = follow(filter_, core, model, chosen.algorithm, units, plots)
+        typer.echo(f"estimates at most {off_reference(followed).max():.3g} off double precision")
     typer.echo(f"program: {out / 'program.lst'}")
 
 
-def build_processor(
-    design: "Design",
-    out: Path,
-    *,
-    data: Path | None,
-    steps: int,
-    place: bool,
-    force: bool,
-) -> None:
-    """Build a design with ``[architecture] kind = "processor"`` into a folder, and print what came out."""
-    from kalmanhdl.build import prepare
-    from kalmanhdl.console import Progress
-    from kalmanhdl.design_file import dumps
-    from kalmanhdl.output import check_folder, new_folder
-    from kalmanhdl.processor.build import build, figures, results, summary
-    from kalmanhdl.processor.fit import fitted
-    from kalmanhdl.report.writer import json_text
-    from kalmanhdl.tables import processor_table
-
-    check_folder(out, force=force)
-    z = None if data is None else _alone(data, design.model)
-    with Progress() as progress:
-        prepare(place=place, progress=progress)
-        progress("compiling the filter to a program")
-        fit = fitted(design)
-        built = build(fit, z, steps=steps, place=place, progress=progress)
-    with new_folder(out, force=force) as folder:
-        texts = {"design.toml": dumps(design), **built.files, "report.json": json_text(figures(built))}
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    typer.echo(processor_table([*summary(fit), *results(built)]))
-    typer.echo(f"report: {out / 'report.json'}")
-
-
-def show_processor(design: "Design") -> None:
-    """Print the listing of a design's program, and what it takes."""
-    from kalmanhdl.processor.build import summary
-    from kalmanhdl.processor.fit import fitted
-    from kalmanhdl.processor.program import listing
-    from kalmanhdl.tables import processor_table
-
-    fit = fitted(design)
-    typer.echo(listing(fit.program))
-    typer.echo(processor_table(summary(fit)))
-
-
-def _alone(data: Path, model: "Model") -> "Array":
-    """The measurements (steps, m) of a file with one track."""
+def _alone(data: Path, model: "Model") -> "Plots":
+    """The plots of a file with one track."""
     from kalmanhdl.simulate.data import read_plots
 
     plots = read_plots(data, model)
     if len(plots.tracks) > 1:
         raise DataError(f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone")
-    return plots.z[:, 0]
+    return plots
 
 
 def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[["Retired"], None]:

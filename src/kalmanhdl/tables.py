@@ -58,7 +58,7 @@ def build_table(record: Record) -> str:
         rows.append(("implementation", _placed(plan, architecture, record.implemented)))
         rows += _clock(architecture, record.implemented, record.closure)
     rows += [("synthesis", f"{one.family_name}: {_cells(one)}") for one in record.areas]
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _model(facts: dict[str, Any]) -> str:
@@ -140,7 +140,7 @@ def _clock(
 
 def closure_table(architecture: Architecture, implemented: Implemented, closure: Closure | None) -> str:
     """The clock beside the one asked for, and every round that was scheduled and placed."""
-    return _aligned(_clock(architecture, implemented, closure))
+    return aligned(_clock(architecture, implemented, closure))
 
 
 def _cells(found: Implementation | AreaFigures) -> str:
@@ -169,7 +169,7 @@ def errors_table(model: Model, simulation: SideBySide) -> str:
         exact = against_truth(simulation, simulation.exact.x)
         columns += [("rmse float", *map(_figure, reference)), ("rmse hardware", *map(_figure, exact))]
     columns.append(("hardware to float", *map(_figure, between)))
-    parts = [_aligned(zip(*columns, strict=True)), _differenced(model, simulation), _nis(model, simulation)]
+    parts = [aligned(zip(*columns, strict=True)), _differenced(model, simulation), _nis(model, simulation)]
     return "\n".join(part for part in parts if part)
 
 
@@ -181,7 +181,7 @@ def _differenced(model: Model, simulation: SideBySide) -> str:
         name, unit = model.state_names[one.state], model.state_units[one.state] or "-"
         errors = (one.rmse, one.rmse_reference, one.rmse_bitexact)
         lines.append((name, unit, str(one.samples), *map(_figure, errors)))
-    return _aligned(lines) if found else ""
+    return aligned(lines) if found else ""
 
 
 def _nis(model: Model, simulation: SideBySide) -> str:
@@ -206,7 +206,7 @@ def verification_table(found: Sequence[Verification]) -> str:
     for one in found:
         numbers = (one.steps, one.bits, one.cycles, round(one.cycles_per_second), one.mismatches)
         rows.append((one.simulator, one.stimulus, *map(str, numbers)))
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def implementation_table(plan: Plan, architecture: Architecture, implemented: Implemented) -> str:
@@ -220,18 +220,13 @@ def implementation_table(plan: Plan, architecture: Architecture, implemented: Im
         cells = (one.luts, one.ffs, one.multipliers, one.block_rams)
         rows.append((str(one.seed), f"{one.fmax_mhz:.2f}", f"{rate:.2f}", f"{step:.2f}", *map(str, cells)))
     best = implemented.best
-    return f"{best.device} grade {best.grade}, {best.tool}\n{_aligned(rows)}"
-
-
-def processor_table(rows: Iterable[tuple[str, str]]) -> str:
-    """What a design's program, its core and its verification are, a line each."""
-    return _aligned(list(rows))
+    return f"{best.device} grade {best.grade}, {best.tool}\n{aligned(rows)}"
 
 
 def reproduction_table(found: Reproduction) -> str:
     """A paper's figures and those of the run, and what they rest on."""
     notes = "\n".join(f"- {note}" for note in found.notes)
-    return f"{found.title}\n\n{_aligned([found.columns, *found.rows])}\n\n{notes}"
+    return f"{found.title}\n\n{aligned([found.columns, *found.rows])}\n\n{notes}"
 
 
 def design_tables(
@@ -257,7 +252,7 @@ def design_tables(
         ),
     ]
     proven = [] if proof is None else [_proof(proof)]
-    return "\n\n".join((_aligned(head), _formats(design, numbers, proof), *proven, _chart(summary)))
+    return "\n\n".join((aligned(head), _formats(design, numbers, proof), *proven, _chart(summary)))
 
 
 def _turns(summary: Summary) -> list[tuple[str, str]]:
@@ -290,7 +285,7 @@ def _float_format(typed: FloatGraph) -> str:
         ("", f"from {_decimal(least)}, in full from {_decimal(normal)}, to {_decimal(highest)}"),
         ("fused", f"{len(typed.fused)} multiplications with the sum that uses them"),
     ]
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _decimal(value: Fraction) -> str:
@@ -318,7 +313,7 @@ def _formats(design: Design, numbers: Numbers | FloatNumbers, proof: Proof | Non
         found = [row.get(key) for key in more]
         said = ("" if v is None else v if isinstance(v, str) else _figure(v) for v in found)
         rows.append((row["signal"], row["role"], form, *shown, *ends, *said))
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _proof(proof: Proof) -> str:
@@ -333,7 +328,7 @@ def _proof(proof: Proof) -> str:
         searched = f"{count} covariances are reachable" if count is not None else part.unsettled
         bounds = part.unbounded or "the states are bounded for every input"
         rows.append((", ".join(part.states[:4]), f"{searched}; {bounds}"))
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _chart(summary: Summary) -> str:
@@ -344,7 +339,7 @@ def _chart(summary: Summary) -> str:
         begin, end = row.start // wide, row.end // wide
         bar = "." * begin + "#" * (end - begin + 1)
         rows.append((str(row.start), row.kind.replace("_", " "), row.origin, bar))
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def formats_table(found: Found, tolerance: float | None) -> str:
@@ -356,7 +351,7 @@ def formats_table(found: Found, tolerance: float | None) -> str:
         many = "" if variable.count == 1 else f", {variable.count} of them"
         headroom = f"+{variable.headroom}" if variable.headroom else ""
         rows.append((variable.name, str(width), form + many, headroom))
-    return "\n\n".join((_aligned(rows), _aligned(_choice(found, tolerance)), _aligned(_front(found))))
+    return "\n\n".join((aligned(rows), aligned(_choice(found, tolerance)), aligned(_front(found))))
 
 
 def _fractions(forms: Sequence[Fixed]) -> str:
@@ -419,7 +414,7 @@ def sweep_table(rows: Sequence[Row]) -> str:
         lines.append((row.algorithm, str(row.width), f"{100 * row.excess:+.4g} %", *squares, row.broken))
     kinds = dict.fromkeys(row.algorithm for row in rows)
     ends = [f"{kind}: {_least([row for row in rows if row.algorithm == kind])}" for kind in kinds]
-    return "\n".join((_aligned(lines), "", *ends))
+    return "\n".join((aligned(lines), "", *ends))
 
 
 def _least(rows: Sequence[Row]) -> str:
@@ -461,14 +456,15 @@ def consistency_table(model: Model, found: MonteCarlo) -> str:
     for i, name in enumerate(model.state_names):
         rows.append((f"rmse, {name}", *(_figure(float(t.rmse[i])) for t in pair), ""))
     counts = f"{found.tracks} tracks of {found.steps} steps, {found.saturations} saturations"
-    return f"{_aligned(rows)}\n{counts}"
+    return f"{aligned(rows)}\n{counts}"
 
 
 def _figure(value: float) -> str:
     return "-" if value != value else f"{value:.4g}"
 
 
-def _aligned(rows: Iterable[Sequence[str]]) -> str:
+def aligned(rows: Iterable[Sequence[str]]) -> str:
+    """A table: cells of a column side by side."""
     table = [list(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return "\n".join(_lines(table, widths))

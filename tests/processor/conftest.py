@@ -9,7 +9,7 @@ from kalmanhdl.processor.verilog import core_verilog
 
 CORES = {
     "paper": PAPER_CORE,
-    "extended": Core(form=Fixed(width=16, fraction=9), matrices=32, program_words=256, extended=True),
+    "extended": Core(form=Fixed(width=16, fraction=9), matrices=64, program_words=256, extended=True),
     "2 by 2": Core(
         form=Fixed(width=12, fraction=12),
         rounding=Rounding.TOWARD_ZERO,
@@ -18,7 +18,7 @@ CORES = {
         extended=True,
     ),
     "pipelined, N^2": Core(
-        form=Fixed(width=16, fraction=9), matrices=32, program_words=256, extended=True, units=3
+        form=Fixed(width=16, fraction=9), matrices=64, program_words=256, extended=True, units=3
     ),
     "pipelined, N": Core(
         form=Fixed(width=12, fraction=12),

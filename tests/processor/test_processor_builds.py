@@ -14,10 +14,14 @@ from kalmanhdl.design_file import dumps, loads
 from kalmanhdl.errors import DesignError
 from kalmanhdl.pipeline import compile_design
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.generate import rows_read, tokens
-from kalmanhdl.processor.fit import begun, fitted
+from kalmanhdl.processor.compiler.generate import tokens
+from kalmanhdl.processor.fit import fitted
+from kalmanhdl.processor.follow import follow, rows_of
+from kalmanhdl.processor.instructions import Opcode
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.simulator import Machine, run
+from kalmanhdl.processor.step import step_of
+from kalmanhdl.simulate.data import plots_from_arrays
 
 RADAR = """
 name = "radar"
@@ -57,7 +61,8 @@ def test_a_design_of_any_units_is_fitted_to_a_core():
     assert (fit.core.size, fit.core.multipliers, fit.core.form.width) == (4, 16, 32)
     z = np.cumsum(np.random.default_rng(1).normal(scale=300.0, size=(80, 2)), axis=0) * [1.0, 1e-4]
     z[30] = z[41, 0] = np.nan
-    rows = rows_read(fit.core, begun(z / fit.scaling.measurement, fit.model))
+    plots = plots_from_arrays(z, fit.linear)
+    (rows,) = rows_of(fit.core, fit.linear, fit.scaling, plots)
     engine = Engine(fit.filter_, fit.core)
     wanted = [number for row in rows for number in engine.step(row)]
     machine = Machine(fit.core, *bench(fit.core, tokens(fit.filter_, fit.core, rows)))
@@ -65,6 +70,14 @@ def test_a_design_of_any_units_is_fitted_to_a_core():
     assert list(run(machine, 1_000_000).sent) == wanted
     assert not engine.saturated
     assert not machine.saturated
+    found = follow(fit.filter_, fit.core, fit.linear, fit.design.algorithm, fit.scaling, plots)
+    assert (found.saturations, found.clipped) == (0, 0)
+    np.testing.assert_allclose(found.exact.x, found.reference.x, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(found.exact.P, found.reference.P, rtol=1e-3, atol=1e-9)
+    np.testing.assert_array_equal(
+        found.exact.x[found.valid],
+        np.reshape(wanted, (80, 8))[1:, :4] * 2.0**-fit.core.form.fraction * fit.scaling.state,
+    )
 
 
 def test_a_file_with_a_processor_is_written_and_read_again():
@@ -97,6 +110,54 @@ def test_a_design_is_built_from_file_to_verified_core(tmp_path, multipliers):
         subprocess.run(["iverilog", "-o", "bench", "testbench.v", "core.v"], cwd=out, check=True)
         found = subprocess.run(["vvp", "bench"], cwd=out, check=True, capture_output=True, text=True)
         assert "outputs, 0 wrong" in found.stdout
+    names = {path.name for path in out.iterdir()}
+    assert names >= {"report.html", "estimates.csv", "step.png", "step.svg", "track.png", "program.lst"}
+    _verify_the_folder(out)
+
+
+def _verify_the_folder(out):
+    """What stands in a folder is verified, and told in its report; a program that was changed is found."""
+    verify = ["verify", str(out), "--steps", "25"]
+    done = CliRunner().invoke(app, verify)
+    assert done.exit_code == 0, done.output
+    assert "25 steps, 100 outputs of engine and simulator" in done.output
+    if shutil.which("iverilog"):
+        done = CliRunner().invoke(app, [*verify, "--simulator", "icarus"])
+        assert "25 steps, 100 outputs of engine and Verilog equal in icarus" in done.output
+        report = json.loads((out / "report.json").read_text())
+        assert [one["simulator"] for one in report["verification"]] == ["cxxrtl", "cxxrtl", "icarus"]
+    words = (out / "program.hex").read_text().splitlines()
+    at = next(k for k, word in enumerate(words) if int(word, 16) >> 27 == Opcode.MADD_31.value)
+    words[at] = f"{(int(words[at], 16) & (1 << 27) - 1) | Opcode.MSUB_31.value << 27:08X}"
+    (out / "program.hex").write_text("\n".join(words) + "\n")
+    done = CliRunner().invoke(app, verify)
+    assert done.exit_code == 1
+    assert "in the simulator and" in done.output
+
+
+def test_a_step_is_told_instruction_by_instruction():
+    step = step_of(fitted(loads(ALTITUDE)))
+    assert step.instructions == len(step.rows)
+    assert step.rows[0].first == 0
+    assert max(row.last for row in step.rows) <= step.clocks + 2
+    assert {row.does for row in step.rows} >= {"predict: F P", "update: 1 / S", "update: x"}
+    assert [row.unit for row in step.rows if row.does == "update: 1 / S"] == ["reciprocals"]
+    slow = step_of(fitted(loads(ALTITUDE + "multipliers = 0\n")))
+    assert slow.clocks == 8 * slow.instructions
+    assert [row.first for row in slow.rows] == [8 * k for k in range(len(slow.rows))]
+
+
+def test_simulate_filters_every_track_of_the_data(tmp_path):
+    (tmp_path / "altitude.toml").write_text(ALTITUDE)
+    (tmp_path / "plots.csv").write_text("track,x_plot\na,1\na,2.5\na,\na,4\nb,-3\nb,-4\nb,-6\n")
+    call = ["simulate", str(tmp_path / "altitude.toml"), "--data", str(tmp_path / "plots.csv")]
+    done = CliRunner().invoke(app, [*call, "--out", str(tmp_path / "made")])
+    assert done.exit_code == 0, done.output
+    assert "every number fitted the core's format" in done.output
+    table = (tmp_path / "made" / "estimates.csv").read_text().splitlines()
+    assert len(table) == 1 + 7
+    # A start takes two rows.
+    assert [line.split(",")[2] == "" for line in table[1:]] == [True, False, False, False, True, False, False]
 
 
 def test_show_prints_listing_and_clocks(tmp_path):
@@ -146,8 +207,6 @@ def test_what_does_not_fit_the_core_is_refused(text, message):
 
 
 def test_hardware_of_its_own_is_not_made_of_a_design_with_a_processor():
-    with pytest.raises(
-        DesignError, match=r'\[architecture\] kind = "processor": only build and show know it'
-    ):
+    with pytest.raises(DesignError, match=r'\[architecture\] kind = "processor": the filter is a program'):
         compile_design(loads(ALTITUDE))
     assert isinstance(loads(ALTITUDE), Design)

@@ -84,12 +84,12 @@ def test_the_band_of_the_mean_nis_counts_the_components_that_were_measured():
 )
 def test_no_two_bars_of_a_lane_overlap(operations):
     rows = [
-        Row(label=f"%{k}", kind=kind, start=start, end=start + length, origin="")
+        Row(label="", kind=kind, start=start, end=start + length, origin=f"%{k}")
         for k, (start, length, kind) in enumerate(operations)
     ]
     bars = lanes(rows)
-    assert sorted(bar.row.label for bar in bars) == sorted(row.label for row in rows)
+    assert sorted(bar.work.origin for bar in bars) == sorted(row.origin for row in rows)
     places = [(bar.lane, cycle) for bar in bars for cycle in range(bar.left, bar.right)]
     assert len(set(places)) == len(places)
     for lane in {bar.lane for bar in bars}:
-        assert len({bar.group for bar in bars if bar.lane == lane}) == 1
+        assert len({bar.work.group for bar in bars if bar.lane == lane}) == 1

@@ -35,6 +35,11 @@ class Units:
         return np.array([self.covariance[row[0]] if len(row) else 1.0 for row in seen])
 
 
+def unscaled(n: int, m: int, p: int) -> Units:
+    """The units of the model itself."""
+    return Units(state=np.ones(n), measurement=np.ones(m), control=np.ones(p), covariance=np.ones(n))
+
+
 def divided(covariance: Array, unit: Array, divisor: Array) -> Array:
     """A covariance (k, k) in units (k,) of its variables, divided by numbers (k,) as well."""
     spread = np.sqrt(np.outer(divisor, divisor))

@@ -1,5 +1,6 @@
 """A design on the processor: its units, the core and the format that it needs, and its program."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,20 +9,19 @@ from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Taylor, steady_
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design, Processor
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.model.model import Array
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.numerics.ranges import Plots, simulated
+from kalmanhdl.numerics.ranges import simulated
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.units import units
 from kalmanhdl.processor.compiler.constants import numbers_read
 from kalmanhdl.processor.compiler.covariance import ADJUGATE
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.generate import compiled, rows_read, source
+from kalmanhdl.processor.compiler.generate import compiled
 from kalmanhdl.processor.compiler.trace import Traced, traced
 from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.follow import Rows, as_data, rows_of
 from kalmanhdl.processor.program import Program
-from kalmanhdl.simulate.commands import Command, commands
 from kalmanhdl.validation import InvalidValueError
 
 _TRIED_TRACKS, _TRIED_STEPS = 6, 32
@@ -44,6 +44,12 @@ class Fitted:
     filter_: Traced
     program: Program
 
+    @property
+    def linear(self) -> LinearModel:
+        """The design's model, in its own units."""
+        assert isinstance(self.design.model, LinearModel)
+        return self.design.model
+
 
 def fitted(design: Design) -> Fitted:
     """The program of a design with a processor.
@@ -63,8 +69,7 @@ def fitted(design: Design) -> Fitted:
     size = processor.size or _size(inner, algorithm)
     try:
         filter_ = traced(inner, algorithm, size)
-        tried = [begun(z, inner) for z in tracks(plots, scaling)]
-        core = _core(processor, design, filter_, tried)
+        core = _core(processor, design, filter_, lambda core: rows_of(core, model, scaling, as_data(plots)))
         numbers_read(filter_, core)
         program = compiled(filter_, core)
     except ProgramError as error:
@@ -78,27 +83,6 @@ def fitted(design: Design) -> Fitted:
         filter_=filter_,
         program=program,
     )
-
-
-def listed(fit: Fitted) -> str:
-    """The source of the program."""
-    return source(fit.filter_, fit.core)
-
-
-def begun(z: Array, model: LinearModel) -> Array:
-    """The rows (steps, m) from the start of a track on."""
-    given = commands(model, z[:, None], np.ones((len(z), 1), bool))[:, 0]
-    return np.asarray(z[given != Command.NONE])
-
-
-def tracks(plots: Plots, scaling: Scaling) -> list[Array]:
-    """The measurements of every track in the units of the hardware, NaN where missed: (steps, m) each."""
-    found = []
-    for track in range(plots.z.shape[1]):
-        z = np.where(plots.valid[:, track], plots.z[:, track], np.nan) / scaling.measurement
-        relevant = plots.relevant[:, track]
-        found.append(z[: len(z) if relevant.all() else int(np.argmin(relevant))])
-    return [each for each in found if len(each)]
 
 
 def _scaled(numerics: FixedSpecification, model: LinearModel) -> FixedSpecification:
@@ -119,10 +103,12 @@ def _in_units(algorithm: Algorithm, model: LinearModel, scaling: Scaling) -> Alg
 
 def _size(model: LinearModel, algorithm: Algorithm) -> int:
     inverts = isinstance(algorithm, Conventional | Joseph) and 1 < model.m <= ADJUGATE
-    return max(2, model.n, model.m, ADJUGATE if inverts else 0)
+    return max(2, model.n, model.m, model.p, ADJUGATE if inverts else 0)
 
 
-def _core(processor: Processor, design: Design, filter_: Traced, tried: list[Array]) -> Core:
+def _core(
+    processor: Processor, design: Design, filter_: Traced, tried: Callable[[Core], Sequence[Rows]]
+) -> Core:
     size = filter_.size
     multipliers = size * size if processor.multipliers is None else processor.multipliers
     if multipliers % size or multipliers > size**3:
@@ -157,16 +143,16 @@ def _core(processor: Processor, design: Design, filter_: Traced, tried: list[Arr
     )
 
 
-def _holds(filter_: Traced, core: Core, tried: list[Array]) -> bool:
+def _holds(filter_: Traced, core: Core, tried: Callable[[Core], Sequence[Rows]]) -> bool:
     """Whether the constants and everything computed on some tracks are numbers of the core's format."""
     most = float(core.form.real(core.form.highest))
     if any(np.abs(constant).max(initial=0.0) > most for constant in filter_.constants.values()):
         return False
-    for z in tried:
+    for rows in tried(core):
         engine = _engine(filter_, core)
         if engine is None:
             return False
-        for row in rows_read(core, z):
+        for row in rows:
             engine.step(row)
             if engine.saturated:
                 return False

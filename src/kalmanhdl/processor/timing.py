@@ -37,7 +37,7 @@ QUEUE = 16
 SPLIT = {Opcode.MULT_3S, Opcode.SCALE, Opcode.HAD_33, Opcode.OUTER_33}
 """The instructions whose elements are a product each, so that every multiplier has its own."""
 
-_OF_ARRAY = {
+OF_ARRAY = {
     Opcode.MULT_33,
     Opcode.MULT_33T,
     *SPLIT,
@@ -46,6 +46,7 @@ _OF_ARRAY = {
     *VECTORS,
     *SYMMETRIC,
 }
+"""The instructions of the multipliers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def passes_of(opcode: Opcode, core: Core) -> tuple[tuple[Task, ...], ...]:
 
     The second source is a matrix by then: a vector its first column, a number on its diagonal.
     """
-    tasks = _tasks(opcode, core) if opcode in _OF_ARRAY and core.has(opcode) else []
+    tasks = _tasks(opcode, core) if opcode in OF_ARRAY and core.has(opcode) else []
     step = core.units * (core.size if opcode in SPLIT else 1)
     return tuple(tuple(tasks[k : k + step]) for k in range(0, len(tasks), step))
 
@@ -119,7 +120,7 @@ def latency(opcode: Opcode, core: Core) -> int:
         return 0
     if opcode is Opcode.RECIP:
         return 1 + RECIPROCAL_REGISTERS
-    if opcode in _OF_ARRAY:
+    if opcode in OF_ARRAY:
         return 1 + passes(opcode, core) + (AFTER_COFACTORS if opcode is Opcode.DET_33 else 0)
     return 1
 

@@ -1,6 +1,6 @@
 """The figures of the page, as Bokeh draws them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, HoverTool, Range1d
@@ -12,10 +12,9 @@ from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.report.accuracy import featured, measured_states, updated
 from kalmanhdl.report.convergence import gains, innovation_covariances, priors
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, label, plane, points, seen_pair, with_unit
-from kalmanhdl.report.lanes import lanes
+from kalmanhdl.report.lanes import Bar
 from kalmanhdl.report.palette import AMBER, BLUE, GREEN, GREY, ORANGE, SERIES
 from kalmanhdl.report.plots import states_shown
-from kalmanhdl.schedule.summary import Summary
 from kalmanhdl.simulate.side_by_side import SideBySide
 
 Array = NDArray[np.float64]
@@ -186,24 +185,23 @@ def quantisation_figure(model: Model, simulation: SideBySide, state: int, bit: f
     return _finished(drawn)
 
 
-def schedule_figure(summary: Summary) -> object:
-    """The operations of one step over clock cycles."""
-    bars = lanes(summary.rows)
-    groups = list(dict.fromkeys(bar.group for bar in bars))
+def bars_figure(bars: Sequence[Bar], what: str) -> object:
+    """Work over clock cycles; ``what`` it is, a word for it."""
+    groups = list(dict.fromkeys(bar.work.group for bar in bars))
     count = 1 + max((bar.lane for bar in bars), default=0)
     height = int(min(900, max(260, 90 + 9 * count)))
     drawn = _figure("clock cycle", "", height=height)
     for group, color in zip(groups, _colors(len(groups)), strict=True):
-        mine = [bar for bar in bars if bar.group == group]
+        mine = [bar for bar in bars if bar.work.group == group]
         source = ColumnDataSource(
             {
                 "left": [bar.left + 0.04 for bar in mine],
                 "right": [bar.right - 0.04 for bar in mine],
                 "top": [bar.lane + 0.08 for bar in mine],
                 "bottom": [bar.lane + 0.92 for bar in mine],
-                "origin": [bar.row.origin for bar in mine],
-                "kind": [bar.row.kind.replace("_", " ") for bar in mine],
-                "cycles": [_cycles(bar.row.start, bar.row.end) for bar in mine],
+                "origin": [bar.work.origin for bar in mine],
+                "kind": [bar.work.kind for bar in mine],
+                "cycles": [_cycles(bar.work.start, bar.work.end) for bar in mine],
             }
         )
         drawn.quad("left", "right", "top", "bottom", source=source, color=color, line_color=None,
@@ -211,7 +209,7 @@ def schedule_figure(summary: Summary) -> object:
     drawn.y_range = Range1d(count + 0.3, -0.3)
     drawn.yaxis.visible = False
     drawn.ygrid.visible = False
-    drawn.add_tools(HoverTool(tooltips=[("", "@origin"), ("operation", "@kind"), ("cycles", "@cycles")]))
+    drawn.add_tools(HoverTool(tooltips=[("", "@origin"), (what, "@kind"), ("cycles", "@cycles")]))
     return _finished(drawn)
 
 

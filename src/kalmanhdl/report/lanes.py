@@ -1,8 +1,9 @@
-"""A schedule laid out for the eye: operations of a kind side by side in as few lanes as hold them."""
+"""Work laid out for the eye: what is of a kind side by side in as few lanes as hold it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from kalmanhdl.processor.step import UNITS, Step
 from kalmanhdl.schedule.summary import Row
 
 # What a reader knows by name comes first, in this order; other kinds follow.
@@ -18,29 +19,62 @@ GROUPS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """Something that takes the cycles from ``start`` to ``end``, both with it; what it is and where from."""
+
+    group: str
+    start: int
+    end: int
+    kind: str
+    origin: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """One operation in its lane, from the start of its first cycle to the end of its last."""
+    """Work in its lane, from the start of its first cycle to the end of its last."""
 
     lane: int
     left: int
     right: int
-    group: str
-    row: Row
+    work: Work
 
 
 def lanes(rows: Iterable[Row]) -> tuple[Bar, ...]:
-    """Bars in lanes, lane 0 on top; each group of kinds has lanes of its own."""
-    groups: dict[str, list[Row]] = {group: [] for group in GROUPS}
-    for row in rows:
-        groups.setdefault(group_of(row.kind), []).append(row)
+    """The operations of a schedule in lanes, lane 0 on top; each group of kinds has lanes of its own."""
+    works = (
+        Work(
+            group=group_of(row.kind),
+            start=row.start,
+            end=row.end,
+            kind=row.kind.replace("_", " "),
+            origin=row.origin,
+        )
+        for row in rows
+    )
+    return _laid_out(works, GROUPS)
+
+
+def step_lanes(step: Step) -> tuple[Bar, ...]:
+    """The instructions of a step of a program in lanes; each unit has lanes of its own."""
+    works = (
+        Work(group=row.unit, start=row.first, end=row.last, kind=row.text, origin=row.does or row.text)
+        for row in step.rows
+    )
+    return _laid_out(works, UNITS)
+
+
+def _laid_out(works: Iterable[Work], order: Iterable[str]) -> tuple[Bar, ...]:
+    groups: dict[str, list[Work]] = {group: [] for group in order}
+    for work in works:
+        groups.setdefault(work.group, []).append(work)
     bars: list[Bar] = []
     first = 0
-    for group, members in groups.items():
+    for members in groups.values():
         ends: list[int] = []
-        for row in sorted(members, key=lambda row: (row.start, row.end)):
-            lane = next((k for k, end in enumerate(ends) if end <= row.start), len(ends))
-            ends[lane : lane + 1] = [row.end + 1]
-            bars.append(Bar(lane=first + lane, left=row.start, right=row.end + 1, group=group, row=row))
+        for work in sorted(members, key=lambda work: (work.start, work.end)):
+            lane = next((k for k, end in enumerate(ends) if end <= work.start), len(ends))
+            ends[lane : lane + 1] = [work.end + 1]
+            bars.append(Bar(lane=first + lane, left=work.start, right=work.end + 1, work=work))
         first += len(ends)
     return tuple(bars)
 

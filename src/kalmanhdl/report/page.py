@@ -17,6 +17,7 @@ from kalmanhdl.report import figures
 from kalmanhdl.report.accuracy import featured
 from kalmanhdl.report.formats import resolutions
 from kalmanhdl.report.geometry import Kind, plane, with_unit
+from kalmanhdl.report.lanes import lanes
 from kalmanhdl.report.record import Record
 from kalmanhdl.report.tiles import tiles
 from kalmanhdl.report.wording import number, percent, prefixed
@@ -30,7 +31,7 @@ _SHOWN = 12
 def page(record: Record, document: dict[str, Any]) -> str:
     """The page of a build; ``document`` is its ``report.document``."""
     model = record.hardware.design.model
-    drawn = {"schedule": figures.schedule_figure(record.summary)}
+    drawn = {"schedule": figures.bars_figure(lanes(record.summary.rows), "operation")}
     if record.simulation is not None:
         bits = resolutions(record.hardware.numbers.typed)
         drawn |= of_data(model, record.simulation, bits)

@@ -1,5 +1,6 @@
 """Pictures for a terminal's user and a README: the track, and the schedule, by matplotlib."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from matplotlib.patches import Patch
 from kalmanhdl.model.model import Model
 from kalmanhdl.report.accuracy import featured
 from kalmanhdl.report.geometry import Kind, Plane, ellipse, plane, points, seen_pair
-from kalmanhdl.report.lanes import lanes
+from kalmanhdl.report.lanes import Bar, lanes
 from kalmanhdl.report.palette import AMBER, BLUE, GREEN, SERIES
 from kalmanhdl.schedule.summary import Summary
 from kalmanhdl.simulate.side_by_side import SideBySide
@@ -41,18 +42,23 @@ def save_track(model: Model, name: str, simulation: SideBySide, path: Path) -> N
 
 def save_schedule(summary: Summary, name: str, path: Path) -> None:
     """The operations of one step over clock cycles; the suffix of the path chooses PNG or SVG."""
-    bars = lanes(summary.rows)
-    groups = list(dict.fromkeys(bar.group for bar in bars))
+    title = f"{name}: one step in {summary.latency_cycles} clock cycles"
+    save_bars(lanes(summary.rows), title, path)
+
+
+def save_bars(bars: Sequence[Bar], title: str, path: Path) -> None:
+    """Work over clock cycles; the suffix of the path chooses PNG or SVG."""
+    groups = list(dict.fromkeys(bar.work.group for bar in bars))
     count = 1 + max((bar.lane for bar in bars), default=0)
     figure, axes = new_axes(9.0, min(9.0, 1.6 + 0.075 * count))
     for k, group in enumerate(groups):
         boxes = [
             [(b.left + 0.04, b.lane + 0.08), (b.right - 0.04, b.lane + 0.08),
              (b.right - 0.04, b.lane + 0.92), (b.left + 0.04, b.lane + 0.92)]
-            for b in bars if b.group == group
+            for b in bars if b.work.group == group
         ]  # fmt: skip
         axes.add_collection(PolyCollection(boxes, facecolors=SERIES[k % len(SERIES)]))
-    axes.set_xlim(-0.2, summary.latency_cycles + 0.2)
+    axes.set_xlim(-0.2, max((bar.right for bar in bars), default=0) + 0.2)
     axes.set_ylim(count + 0.5, -0.5)
     axes.set_yticks([])
     axes.set_xlabel("clock cycle")
@@ -60,7 +66,6 @@ def save_schedule(summary: Summary, name: str, path: Path) -> None:
     patches = [Patch(color=SERIES[k % len(SERIES)], label=group) for k, group in enumerate(groups)]
     axes.legend(handles=patches, frameon=False, fontsize=8, labelcolor=INK, ncols=4,
                 loc="lower left", bbox_to_anchor=(0, 1.0))  # fmt: skip
-    title = f"{name}: one step in {summary.latency_cycles} clock cycles"
     figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
     save(figure, path)
 

@@ -87,14 +87,12 @@ def _accuracy(document: dict[str, Any]) -> list[Tile]:
             note=f"95 % band {number(low, 3)} to {number(high, 3)}",
         )
     ]
-    worst = _worst_loss(accuracy)
-    if worst is not None:
-        title, note = "Lost to rounding", "change of the error against truth, worst state"
-        found.append(Tile(title=title, value=percent(worst), note=note))
-    return found
+    return found + loss(accuracy)
 
 
-def _worst_loss(accuracy: dict[str, Any]) -> float | None:
+def loss(accuracy: dict[str, Any]) -> list[Tile]:
     """The largest change of an error against truth from the float reference to the bit-exact filter."""
     pairs = zip(accuracy["rmse_reference"], accuracy["rmse_bitexact"], strict=True)
-    return max((b / a - 1 for a, b in pairs if a and b is not None), default=None)
+    losses = [b / a - 1 for a, b in pairs if a and b is not None]
+    note = "change of the error against truth, worst state"
+    return [Tile(title="Lost to rounding", value=percent(max(losses)), note=note)] if losses else []

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from kalmanhdl.processor.build import Built
 from kalmanhdl.report.document import document
 from kalmanhdl.report.estimates import estimates_csv
 from kalmanhdl.report.record import Record
@@ -29,6 +30,26 @@ def write_report(record: Record, folder: Path) -> dict[str, Any]:
         text = estimates_csv(design.model, record.simulation)
         (folder / "estimates.csv").write_text(text, encoding="utf-8")
     return found
+
+
+def write_processor_report(built: Built, folder: Path) -> None:
+    """Write the same of a program, ``step.svg`` and ``step.png`` in place of a schedule's pictures."""
+    from kalmanhdl.report.lanes import step_lanes
+    from kalmanhdl.report.pictures import save_bars, save_track
+    from kalmanhdl.report.processor_document import processor_document
+    from kalmanhdl.report.processor_page import processor_page
+
+    found, fit, followed = processor_document(built), built.fit, built.followed
+    (folder / "report.json").write_text(json_text(found), encoding="utf-8")
+    (folder / "report.html").write_text(processor_page(built, found), encoding="utf-8")
+    title = f"{fit.design.name}: a step in {built.step.clocks:g} clock cycles"
+    for suffix in ("svg", "png"):
+        save_bars(step_lanes(built.step), title, folder / f"step.{suffix}")
+        if followed is not None:
+            save_track(fit.linear, fit.design.name, followed, folder / f"track.{suffix}")
+    if followed is not None:
+        text = estimates_csv(fit.linear, followed)
+        (folder / "estimates.csv").write_text(text, encoding="utf-8")
 
 
 def json_text(found: dict[str, Any]) -> str:

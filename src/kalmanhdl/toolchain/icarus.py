@@ -29,6 +29,11 @@ def iverilog() -> Tool:
     return installed("iverilog", _REMEDY)
 
 
+def vvp() -> Tool:
+    """What runs a compiled design. Raises ToolError where there is none."""
+    return installed("vvp", _REMEDY)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Icarus:
     """A design compiled with a bench for Icarus, which makes all runs in one go."""
@@ -42,7 +47,7 @@ class Icarus:
         with working_folder() as work:
             shutil.copyfile(self.program, work / _PROGRAM)
             _write_stimuli(work, border, wanted)
-            run(installed("vvp", _REMEDY), ("-n", _PROGRAM), work)
+            run(vvp(), ("-n", _PROGRAM), work)
             records = _Records(border, (work / "trace.txt").read_text().splitlines())
         return records.traces(wanted)
 

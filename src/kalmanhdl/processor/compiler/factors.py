@@ -66,8 +66,9 @@ def _with_variances(m: Matrices, kept: Kept) -> Kept:
     return {**kept, "v": named(squares @ kept["d"], "output: variances")}
 
 
-def _unit(m: Matrices, k: int, size: int) -> Anything:
-    return m.c(f"e{k}", np.eye(size)[k])
+def _unit(m: Matrices, k: int, of: Anything) -> Anything:
+    """The unit vector k, as long as the core's matrices: one constant wherever it is needed."""
+    return m.c(f"e{k}", np.eye(of.builder.size)[k])
 
 
 def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
@@ -79,13 +80,13 @@ def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
     noise = m.c("G", G) if len(q) else None
     L, D = m.c("I", np.eye(n)), None
     for j in range(n - 1, -1, -1):
-        row = named(named(W.transposed(), f"predict {j}: U' F'") @ _unit(m, j, n), f"predict {j}: row")
+        row = named(named(W.transposed(), f"predict {j}: U' F'") @ _unit(m, j, d), f"predict {j}: row")
         s = named(W @ named(row.times(d), f"predict {j}: row, weighted"), f"predict {j}: products")
         if noise is not None:
-            row_of_noise = named(noise.transposed() @ _unit(m, j, n), f"predict {j}: row of G")
+            row_of_noise = named(noise.transposed() @ _unit(m, j, d), f"predict {j}: row of G")
             weighted = named(row_of_noise.times(m.c("q", q)), f"predict {j}: row of G, weighted")
             s = named(s.plus(noise, weighted), f"predict {j}: products with G")
-        alone = named(s.times(_unit(m, j, n)), f"predict {j}: D")
+        alone = named(s.times(_unit(m, j, d)), f"predict {j}: D")
         D = alone if D is None else named(D + alone, f"predict: D from {j} on")
         if j == 0:
             break
@@ -98,7 +99,7 @@ def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
         if noise is not None:
             along = named(u.outer(row_of_noise), f"predict {j}: along G")
             noise = named(noise - along, f"predict {j}: G less that")
-        L = named(L + named(_unit(m, j, n).outer(u), f"predict {j}: row of L"), f"predict: L from {j} on")
+        L = named(L + named(_unit(m, j, d).outer(u), f"predict {j}: row of L"), f"predict: L from {j} on")
     return {"x": predicted_mean(m, kept["x"], given), "L": L, "d": D}
 
 
@@ -111,7 +112,7 @@ def _updated(m: Matrices, kept: Kept, given: Given) -> Kept:
     z = named(m.c("D", scale) @ measured(m, given.z), "update: z in its units")
     found: Kept = kept
     for j in range(model.m):
-        h = named(rows @ _unit(m, j, model.m), f"update {j}: h")
+        h = named(rows @ _unit(m, j, rows), f"update {j}: h")
         y = named(z.minus(H, found["x"]), f"update {j}: y")
         found = _measured(m, found, h, y, j, float((scale @ model.R @ scale)[j, j]))
     return found
