@@ -29,15 +29,8 @@ LINE = (
     ),
     *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "testbench", "processor"),
     *("pipeline", "closure", "loading", "report", "reproduce", "output", "build", "tables"),
-    *(
-        "interruption",
-        "console",
-        "processor_commands",
-        "processor_designs",
-        "loading_commands",
-        "cli",
-        "__main__",
-    ),
+    *("interruption", "console", "execution", "processor_designs", "processor_commands"),
+    *("loading_commands", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.
 DOORS = {("design", later) for later in ("design_file", "simulate", "pipeline", "report", "build")}

@@ -1,6 +1,5 @@
 """The commands of the programmable processor: parse, call, print."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +10,8 @@ from kalmanhdl.errors import DataError, ProgramError
 
 if TYPE_CHECKING:
     from kalmanhdl.model.model import Model
-    from kalmanhdl.processor.clocks import Retired
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.program import Program
-    from kalmanhdl.processor.simulator import Machine
     from kalmanhdl.simulate.data import Plots
 
 _MOST = 1_000_000_000
@@ -65,42 +62,83 @@ def disasm(program: _Program, out: _Out = None, force: _Force = False) -> None:
 
 @reported
 def execute(
-    program: _Program,
+    program: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="A source, an image where the name ends in .hex, or the folder of a build.",
+        ),
+    ],
     data: Annotated[
-        Path | None, typer.Option("--input", metavar="FILE", help="Real numbers that READ gets, in order.")
+        Path | None,
+        typer.Option(
+            "--input",
+            metavar="FILE",
+            help="Real numbers that READ gets, in order.  [default: input.txt of a folder]",
+        ),
     ] = None,
-    width: _Width = 32,
-    fraction: _Fraction = 16,
-    rounding: _Rounding = "half_even",
-    overflow: _Overflow = "saturate",
-    size: _Size = 3,
-    multipliers: _Multipliers = 0,
+    width: Annotated[int | None, typer.Option(help="Bits of a number, 8 to 32.  [default: 32]")] = None,
+    fraction: Annotated[
+        int | None, typer.Option(help="Bits of a number behind the point.  [default: 16]")
+    ] = None,
+    rounding: Annotated[
+        str | None, typer.Option(help="floor, half_up, half_even or toward_zero.  [default: half_even]")
+    ] = None,
+    overflow: Annotated[str | None, typer.Option(help="wrap or saturate.  [default: saturate]")] = None,
+    size: Annotated[
+        int | None, typer.Option(help="Rows and columns of the core's matrices, 2 to 16.  [default: 3]")
+    ] = None,
+    multipliers: Annotated[
+        int | None,
+        typer.Option(
+            help="A multiple of the size: a pipelined core. 0: eight clocks an instruction.  [default: 0]"
+        ),
+    ] = None,
     trace: Annotated[bool, typer.Option("--trace", help="Print every instruction and what it does.")] = False,
     until: Annotated[
         str | None, typer.Option(metavar="LABEL", help="Stop when this label or address comes up again.")
     ] = None,
+    passes: Annotated[int, typer.Option(min=1, max=_MOST, help="Stop when it comes up so often.")] = 1,
     dump: Annotated[bool, typer.Option("--dump", help="Print the data store at the end.")] = False,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare", help="Compute in double precision beside it: print how far every instruction is off."
+        ),
+    ] = False,
+    rows: Annotated[
+        bool, typer.Option("--rows", help="With --compare of a folder, every row that is put out as well.")
+    ] = False,
     instructions: Annotated[int, typer.Option(min=1, max=_MOST, help="Stop after so many.")] = 100_000,
 ) -> None:
-    """Run a program on the instruction-set simulator, and print the numbers that it puts out."""
-    from kalmanhdl.processor.files import read_numbers, read_program
-    from kalmanhdl.processor.peripherals import bench
-    from kalmanhdl.processor.simulator import Machine, run
-    from kalmanhdl.processor.trace import dump as dumped
-    from kalmanhdl.processor.trace import real
+    """Run a program on the instruction-set simulator, and print the numbers that it puts out.
 
-    core = _core(width, fraction, rounding, overflow, size, multipliers)
-    found = read_program(program, core)
+    Of a folder that build made it is the program on its core; with --compare every row is then held against
+    the float reference as well, in the units of the model.
+    """
+    from kalmanhdl.execution import Execution, printed
+    from kalmanhdl.processor.files import read_numbers, read_program
+    from kalmanhdl.processor_designs import standing_program
+
+    given = {"width": width, "fraction": fraction, "rounding": rounding, "overflow": overflow}
+    asked = {**given, "size": size, "multipliers": multipliers}
+    told = {key: value for key, value in asked.items() if value is not None}
+    fit = None
+    if program.is_dir():
+        if told:
+            raise typer.BadParameter("a build folder has its core already", param_hint=f"--{min(told)}")
+        fit, found = standing_program(program)
+        core, data = fit.core, data or program / "input.txt"
+    else:
+        core = _core(**told)  # type: ignore[arg-type]
+        found = read_program(program, core)
     tokens = () if data is None else read_numbers(data, core)
     stops = frozenset() if until is None else frozenset({_address(until, found)})
-    machine = Machine(core, *bench(core, tokens))
-    machine.load(found.words)
-    done = run(machine, instructions, stops, _watch(machine, found, trace=trace))
-    if not trace:
-        for raw in done.sent:
-            typer.echo(real(raw, core))
-    if dump:
-        typer.echo(dumped(machine, found))
+    execution = Execution(core=core, program=found, tokens=tokens, fit=fit, compares=compare)
+    done = execution.run(instructions, stops, passes, typer.echo if trace else None)
+    for line in printed(execution, done, outputs=not trace, dump=dump, rows=rows):
+        typer.echo(line)
+    machine = execution.machine
     flag = ", a result did not fit its format" if machine.saturated else ""
     typer.echo(f"{done.reason}: {done.instructions} instructions, {machine.clock} clocks{flag}", err=True)
 
@@ -160,16 +198,6 @@ def _alone(data: Path, model: "Model") -> "Plots":
     if len(plots.tracks) > 1:
         raise DataError(f"{data}: has {len(plots.tracks)} tracks, and a program filters one: give one alone")
     return plots
-
-
-def _watch(machine: "Machine", program: "Program", *, trace: bool) -> Callable[["Retired"], None]:
-    from kalmanhdl.processor.trace import trace_line
-
-    def show(done: "Retired") -> None:
-        if trace:
-            typer.echo(trace_line(done, machine, program))
-
-    return show
 
 
 def _core(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from kalmanhdl.design import Design
     from kalmanhdl.processor.checks import Checked
     from kalmanhdl.processor.fit import Fitted
+    from kalmanhdl.processor.program import Program
     from kalmanhdl.simulate.data import Plots
     from kalmanhdl.toolchain.simulators import Simulator
 
@@ -131,6 +132,19 @@ def implement_processor(design: "Design", folder: Path | None) -> None:
         placed = implemented(fit, verilog)
     step = step_of(fit)
     typer.echo(aligned([*summary(fit, step), *implementation(placed, step)]))
+
+
+def standing_program(folder: Path) -> "tuple[Fitted, Program]":
+    """The fitted design of a build folder, and the program as its source stands there, with its comments."""
+    from kalmanhdl.build import read_design
+    from kalmanhdl.processor.files import read_program
+    from kalmanhdl.processor.fit import fitted
+
+    design = read_design(folder)
+    if design.processor is None:
+        raise DesignError(f"{folder}: its design has no processor, and so no program to run")
+    fit = fitted(design)
+    return fit, read_program(folder / "program.asm", fit.core)
 
 
 def _standing(design: "Design", folder: Path | None) -> "tuple[Fitted, str]":

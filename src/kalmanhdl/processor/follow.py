@@ -82,6 +82,21 @@ def follow(
     )
 
 
+def matrix_units(scaling: Units, size: int) -> dict[str, Array]:
+    """What one is in elements (size, size) of what is kept, read and put out, in the model's units."""
+    n = len(scaling.state)
+    covariances = scaling.covariances()
+    whole = {"P": covariances, "L": np.divide.outer(scaling.state, scaling.state).T}
+    rows = {"x": scaling.state, "z": scaling.measurement, "u": scaling.control}
+    rows |= dict.fromkeys(("v", "d"), np.diag(covariances))
+    found = {name: np.ones((size, size)) for name in (*whole, *rows)}
+    for name, units in whole.items():
+        found[name][:n, :n] = units
+    for name, units in rows.items():
+        found[name][0, : len(units)] = units
+    return found
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Track:
     """Estimates (steps, n) and (steps, n, n) in the units of the hardware; rows that saturated."""
