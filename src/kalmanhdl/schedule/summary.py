@@ -16,14 +16,14 @@ from kalmanhdl.graph.operations import (
     StateFlag,
     operands,
 )
-from kalmanhdl.schedule.lifetimes import held_bits, widths
+from kalmanhdl.schedule.lifetimes import result_cycle, widths
 from kalmanhdl.schedule.operator import picoseconds
 from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.placement import pace, step_of
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.recurrence import recurrence
 from kalmanhdl.schedule.sharing import Unit, core
-from kalmanhdl.schedule.storage import ports
+from kalmanhdl.schedule.storage import ports, standing
 from kalmanhdl.target.device import Device
 
 
@@ -78,7 +78,6 @@ def summarise(plan: Plan, device: Device) -> Summary:
     rows = tuple(_rows(plan))
     library = operators(plan.typed, device, plan.on_multiplier_block, plan.sharing)
     bits = widths(plan.typed)
-    ends = [plan.end(index) for index in range(len(plan.start))]
     busy = [Counter(row.kind for row in rows if row.start == cycle) for cycle in range(plan.latency)]
     return Summary(
         interval_cycles=plan.interval,
@@ -96,8 +95,8 @@ def summarise(plan: Plan, device: Device) -> Summary:
         turns={kind: len(who) for kind, who in sorted(plan.sharing.operations.items())},
         busy=tuple(map(_sorted, busy)),
         multiplier_blocks=sum(library[index].blocks for index in _built(plan) & plan.on_multiplier_block),
-        register_bits=held_bits(plan.typed, plan.start, ends, plan.interval if plan.units else 1),
-        operator_register_bits=sum(held * width for held, width in zip(plan.registers, bits, strict=True)),
+        register_bits=_register_bits(plan, bits),
+        operator_register_bits=sum(plan.registers[index] * bits[index] for index in _built(plan)),
         memory_bits=sum(_memory_bits(plan, unit) for unit in plan.units),
         loop=_critical_loop(plan, device),
         rows=rows,
@@ -116,6 +115,30 @@ def _built(plan: Plan) -> frozenset[int]:
     """An operation for every operator: of those that take turns the first."""
     waiting = {index for unit in plan.units for index in unit.operations[1:]}
     return frozenset(range(len(plan.start))) - waiting
+
+
+def _register_bits(plan: Plan, bits: list[int]) -> int:
+    """What stands in registers between operators: neither where it is made nor in a memory."""
+    operations, ends = plan.typed.graph.operations, list(map(plan.end, range(len(plan.start))))
+    filed = {
+        (read.operation, read.value)
+        for unit in plan.units
+        for port in ports(plan, unit)
+        for read in port.reads
+        if read.file is not None
+    }
+    last, leave = list(ends), result_cycle(plan.typed.graph, ends)
+    for index, operation in enumerate(operations):
+        for k in operands(operation):
+            if (index, k) not in filed:
+                last[k] = max(last[k], plan.start[index])
+    for _, root in plan.typed.graph.outputs:
+        last[root] = leave
+    return sum(
+        width * -(-(read - end) // plan.interval)
+        for width, read, end, stood in zip(bits, last, ends, standing(plan), strict=True)
+        if read > stood
+    )
 
 
 def _memory_bits(plan: Plan, unit: Unit) -> int:

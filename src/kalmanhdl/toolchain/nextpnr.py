@@ -6,7 +6,7 @@ registers with a real clock pad reaches the same frequency within one per cent.)
 
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,10 @@ from kalmanhdl.toolchain.yowasp import NEXTPNR_ECP5, ensure_warm, version
 
 _KIND = "nextpnr"
 _REPORT = "report.json"
+# Of LUTs and carries together. In larger cores the usual router rips up as much as it lays, for hours; the
+# one that negotiates ends, and the placer beside it leaves wires a fifth shorter.
+_LARGE = 15_000
+_FOR_LARGE = ("--placer", "static", "--router", "router2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,11 +67,10 @@ def place_and_route(
         raise ToolError(
             f"device {device.name}: there is no place and route for it, only for the ecp5 devices"
         )
-    parts = {
-        seed: (version(NEXTPNR_ECP5), netlist.json, *_options(device, seed, clock_mhz)) for seed in seeds
-    }
+    options = {seed: _options(netlist, device, seed, clock_mhz) for seed in seeds}
+    parts = {seed: (version(NEXTPNR_ECP5), netlist.json, *options[seed]) for seed in seeds}
     missing = [seed for seed in parts if cache.find(_KIND, parts[seed]) is None]
-    reports = _run(netlist, device, missing, clock_mhz, jobs or os.cpu_count() or 1)
+    reports = _run(netlist, {seed: options[seed] for seed in missing}, jobs or os.cpu_count() or 1)
     for seed, report in zip(missing, reports, strict=True):
         cache.entry(_KIND, parts[seed], partial(_write, report))
     return tuple(_read(parts[seed], device, seed) for seed in seeds)
@@ -78,21 +81,23 @@ def best(implementations: Iterable[Implementation]) -> Implementation:
     return min(implementations, key=lambda one: (-one.fmax_mhz, one.seed))
 
 
-def _options(device: Device, seed: int, clock_mhz: float) -> tuple[str, ...]:
+def _options(netlist: Netlist, device: Device, seed: int, clock_mhz: float) -> tuple[str, ...]:
     part = device.name.removeprefix(f"{device.family}-")
+    logic = netlist.cells.get("LUT4", 0) + 2 * netlist.cells.get("CCU2C", 0)
     return (
         *(f"--{part}", "--package", device.package, "--speed", str(device.grade), "--out-of-context"),
         *("--freq", f"{clock_mhz:g}", "--timing-allow-fail", "--seed", str(seed)),
+        *(_FOR_LARGE if logic > _LARGE else ()),
     )
 
 
-def _run(netlist: Netlist, device: Device, seeds: Sequence[int], clock_mhz: float, jobs: int) -> list[str]:
-    """The results as JSON text: nextpnr's report and the seconds it took."""
-    if not seeds:
+def _run(netlist: Netlist, options: Mapping[int, tuple[str, ...]], jobs: int) -> list[str]:
+    """The results as JSON text, a seed after the other: nextpnr's report and the seconds it took."""
+    if not options:
         return []
     ensure_warm(NEXTPNR_ECP5)
     with working_folder() as work:
-        calls = [_call(netlist, work / str(seed), _options(device, seed, clock_mhz)) for seed in seeds]
+        calls = [_call(netlist, work / str(seed), given) for seed, given in options.items()]
         runs = run_all(calls, parallel=jobs)
         reports = [json.loads((call.folder / _REPORT).read_text()) for call in calls]
     return [json.dumps({"seconds": one.seconds, **report}) for one, report in zip(runs, reports, strict=True)]
