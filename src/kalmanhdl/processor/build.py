@@ -77,12 +77,13 @@ def build(
 
 def implemented(fit: Fitted, verilog: str) -> tuple[Implementation, ...]:
     """The core placed and routed for the design's target, the best placement first. Raises ToolError."""
+    from kalmanhdl.toolchain.absorb import absorb_registers
     from kalmanhdl.toolchain.nextpnr import best, place_and_route
     from kalmanhdl.toolchain.yosys import synthesise_ecp5
 
     target = fit.design.target
     part = device(target.device, target.grade)
-    netlist = synthesise_ecp5(verilog, TOP)
+    netlist = absorb_registers(synthesise_ecp5(verilog, TOP))
     wanted = 1000 / part.pipelined_period_ns
     found = place_and_route(netlist, part, range(1, target.seeds + 1), wanted)
     first = best(found)
