@@ -164,14 +164,14 @@ def compile_filter(
     from kalmanhdl.output import check_folder, new_folder
     from kalmanhdl.processor.compiler.constants import numbers_read
     from kalmanhdl.processor.compiler.folder import contents
-    from kalmanhdl.processor.compiler.trace import traced
+    from kalmanhdl.processor.compiler.generate import fitting
     from kalmanhdl.processor.follow import follow, rows_of
     from kalmanhdl.report.processor_document import off_reference
 
     check_folder(out, force=force)
     core = _core(width, fraction, rounding, overflow, size, multipliers)
     chosen = Design.load(design)
-    filter_ = traced(chosen.model, chosen.algorithm, size)
+    filter_ = fitting(chosen.model, chosen.algorithm, core)
     model = filter_.model
     units = unscaled(model.n, model.m, model.p)
     plots = None if data is None else _alone(data, chosen.model)

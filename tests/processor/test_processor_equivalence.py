@@ -53,16 +53,23 @@ def test_an_instruction_takes_eight_clocks_or_one_and_loading_one_a_word_and_one
 
 
 @pytest.mark.parametrize(
-    "algorithm", [Conventional(), BiermanThornton(), Scheduled(steps=0)], ids=lambda a: a.kind
+    ("algorithm", "short"),
+    [
+        (Conventional(), False),
+        (BiermanThornton(), False),
+        (BiermanThornton(), True),
+        (Scheduled(steps=0), False),
+    ],
+    ids=["conventional", "bierman_thornton", "bierman_thornton in loops", "steady gain"],
 )
-def test_filters_run_in_hardware_as_in_the_simulator(core, rtl, machine, algorithm):
+def test_filters_run_in_hardware_as_in_the_simulator(core, rtl, machine, algorithm, short):
     if not core.extended or core.form.width - core.form.fraction < 4:
         pytest.skip("a core without the instructions, or without the numbers, of a filter")
     motion = constant_velocity(T=1.0, noise=0.5)
     model = linear_model(
         motion.F / 2, [[1.0, 0.0]], motion.Q / 16, [[0.25]], initial=given([0, 0], np.eye(2) / 4)
     )
-    filter_ = traced(model, algorithm, core.size)
+    filter_ = traced(model, algorithm, core.size, short=short)
     z = np.random.default_rng(1).normal(scale=0.1, size=(10, 1))
     read = tokens(filter_, core, rows_read(core, z))
     words = compiled(filter_, core).words

@@ -17,8 +17,8 @@ from kalmanhdl.numerics.units import units
 from kalmanhdl.processor.compiler.constants import numbers_read
 from kalmanhdl.processor.compiler.covariance import ADJUGATE
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.generate import compiled
-from kalmanhdl.processor.compiler.trace import Traced, traced
+from kalmanhdl.processor.compiler.generate import compiled, fitting
+from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.follow import Rows, as_data, rows_of
 from kalmanhdl.processor.program import Program
@@ -68,8 +68,10 @@ def fitted(design: Design) -> Fitted:
     algorithm = _in_units(design.algorithm, model, scaling)
     size = processor.size or _size(inner, algorithm)
     try:
-        filter_ = traced(inner, algorithm, size)
-        core = _core(processor, design, filter_, lambda core: rows_of(core, model, scaling, as_data(plots)))
+        cores = _cores(processor, design, size)
+        # Where the point stands makes the program no longer.
+        filter_ = fitting(inner, algorithm, cores(processor.fraction or processor.width // 2))
+        core = _chosen(processor, cores, filter_, lambda core: rows_of(core, model, scaling, as_data(plots)))
         numbers_read(filter_, core)
         program = compiled(filter_, core)
     except ProgramError as error:
@@ -106,10 +108,8 @@ def _size(model: LinearModel, algorithm: Algorithm) -> int:
     return max(2, model.n, model.m, model.p, ADJUGATE if inverts else 0)
 
 
-def _core(
-    processor: Processor, design: Design, filter_: Traced, tried: Callable[[Core], Sequence[Rows]]
-) -> Core:
-    size = filter_.size
+def _cores(processor: Processor, design: Design, size: int) -> Callable[[int], Core]:
+    """The core of a design by the bits behind its point."""
     multipliers = size * size if processor.multipliers is None else processor.multipliers
     if multipliers % size or multipliers > size**3:
         raise InvalidValueError(
@@ -131,6 +131,16 @@ def _core(
             units=multipliers // size,
         )
 
+    return core
+
+
+def _chosen(
+    processor: Processor,
+    core: Callable[[int], Core],
+    filter_: Traced,
+    tried: Callable[[Core], Sequence[Rows]],
+) -> Core:
+    """The core with the design's place of the point, or with the one that some tracks ask for."""
     if processor.fraction is not None:
         return core(processor.fraction)
     # Too many bits behind the point saturate, and so may too few, where a variance is rounded to nothing.

@@ -11,7 +11,7 @@ from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.initial import given, two_point
 from kalmanhdl.model.state_space import linear_model
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.generate import compiled, rows_read, source, tokens
+from kalmanhdl.processor.compiler.generate import compiled, fitting, rows_read, source, tokens
 from kalmanhdl.processor.compiler.trace import traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import Opcode, decode
@@ -164,6 +164,55 @@ def test_controls_move_the_mean(algorithm):
     found = reference(algorithm(STEERED), issued, z[:, None], u[:, None])
     means = np.array(wanted).reshape(40, -1)[:, :2] * 2.0**-18
     np.testing.assert_allclose(means, found.x[:, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: f"{a.kind}{getattr(a, 'newton', '')}")
+@pytest.mark.parametrize(
+    ("model", "core"),
+    [(POSITION, CORE), (SINGER, CORE), (TRACKS, FOUR), (WHOLE, CORE), (MIXED, OVERLAPPING)],
+    ids=["position", "two of three", "two tracks", "all of three", "four of four, pipelined"],
+)
+def test_loops_in_a_program_do_the_same(model, core, algorithm):
+    if np.any(model.R - np.diag(np.diag(model.R))) and algorithm.kind in ("sequential", "bierman_thornton"):
+        pytest.skip("no program for correlated measurements")
+    z = measurements(model)[:45]
+    if algorithm.kind == "taylor":
+        z[33:36] = z[32]
+    filter_ = traced(model, algorithm, core.size, short=True)
+    got, wanted = outputs(filter_, core, z, Machine(core, BenchSource(()), BenchSink()))
+    np.testing.assert_array_equal(got, wanted)
+    x, P, running = followed(model, algorithm, z)
+    reals = got[running] * 2.0**-18
+    inverts = algorithm.kind in ("conventional", "joseph") and model.m > 1
+    np.testing.assert_allclose(reals[:, : model.n], x[running], atol=2e-2 if inverts else 2e-3)
+    variances = P[running][:, range(model.n), range(model.n)]
+    np.testing.assert_allclose(reals[:, model.n :], variances, atol=5e-2 if inverts else 1e-2)
+
+
+def dense(n, m):
+    rng = np.random.default_rng(n + m)
+    F = 0.9 * np.linalg.qr(rng.normal(size=(n, n)))[0]
+    H = rng.normal(size=(m, n)) / 4
+    return linear_model(F, H, 0.1 * np.eye(n), np.eye(m), initial=given(np.zeros(n), np.eye(n)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: f"{a.kind}{getattr(a, 'newton', '')}")
+@pytest.mark.parametrize("units", [0, 16])
+def test_sixteen_states_and_measurements_fit_the_paper_s_store(algorithm, units):
+    core = Core(form=Fixed(width=32, fraction=20), extended=True, size=16, units=units)
+    filter_ = fitting(dense(16, 16), algorithm, core)
+    assert len(compiled(filter_, core).words) <= 512
+
+
+def test_a_program_that_is_too_long_is_made_with_loops():
+    core = Core(form=Fixed(width=32, fraction=20), extended=True, size=8, units=8)
+    assert not fitting(dense(8, 4), Sequential(), core).shared
+    filter_ = fitting(dense(8, 4), BiermanThornton(), core)
+    assert [block.times for block in filter_.row(9)] == [1, 8, 1, 4, 1]
+    text = source(filter_, core)
+    assert "rows_pass:" in text
+    assert text.count("JUMP_U   update") == 1
 
 
 def test_what_is_kept_tells_the_whole_covariance():

@@ -45,9 +45,10 @@ def allocate(filter_: Traced, sections: Sequence[Section], core: Core, *, turns:
     Raises ProgramError where the data store is too small.
     """
     given = dict.fromkeys(each.name for one in sections for each in one.nodes if isinstance(each, Given))
-    lasting = [*filter_.held, *given, *filter_.constants]
+    held = dict.fromkeys(name for one in sections for name in one.held)
+    lasting = [*held, *given, *filter_.constants]
     scratch: dict[str, list[str]] = {"v": [], "t": []}
-    of = {each.name: _of_section(each, filter_.recipe.vectors, scratch) for each in sections}
+    of = {each.name: _of_section(each, filter_.vectors, scratch) for each in sections}
     if turns and not scratch["t"]:
         scratch["t"].append(f"{_SCRATCH}t0")
     names = (*lasting, *scratch["v"], *scratch["t"])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.processor.compiler.graph import named
 from kalmanhdl.processor.compiler.recipe import (
     Anything,
@@ -13,10 +14,12 @@ from kalmanhdl.processor.compiler.recipe import (
     Kept,
     Matrices,
     Recipe,
+    Stage,
     measured,
     near_one,
     predicted_mean,
 )
+from kalmanhdl.processor.compiler.turning import first_of, measurements, moved_on, turning_up
 from kalmanhdl.processor.instructions import Opcode
 
 ADJUGATE = 3
@@ -26,8 +29,8 @@ Update = Callable[[Matrices, Anything, Anything, Anything, Anything], tuple[Anyt
 """From the a priori x and P, the measurement z and the diagonal V of its valid flags to the new x and P."""
 
 
-def keeping_covariance(update: Update) -> Recipe:
-    """The filter with an update."""
+def keeping_covariance(update: Update, stages: tuple[Stage, ...] | None = None) -> Recipe:
+    """The filter with an update, of which ``stages`` do the same in fewer words."""
 
     def updated(m: Matrices, kept: Kept, given: Given) -> Kept:
         x, P = update(m, kept["x"], kept["P"], given.z, given.V)
@@ -42,6 +45,7 @@ def keeping_covariance(update: Update) -> Recipe:
         finish=lambda m, kept: kept,
         variances="P",
         covariance=lambda values: values["P"],
+        stages=None if stages is None else ((Stage(name="step", work=_predicted),), stages),
     )
 
 
@@ -65,21 +69,35 @@ def gained(
 
     Measurements are taken in units in which S is near one, where it and its inverse have the most digits.
     """
-    D = near_one(model.model)
+    found = observed(model, {"x": x, "P": P}, z, V)
+    found["K"] = named(by_inverse(found["PHt"], found["S"]), "update: K")
+    kept = by_gain(model, found, joseph=joseph)
+    return kept["x"], kept["P"]
+
+
+def observed(model: Matrices, prior: Kept, z: Anything, V: Anything) -> dict[str, Anything]:
+    """x and P with what a gain is made of: H of what is valid, P H', S, and y in its units."""
+    D, x, P = near_one(model.model), prior["x"], prior["P"]
     H = named(model.c("H_D", D @ model.model.H).rows_where(V), "update: H of what is valid")
     HP = named(H @ P, "update: H P")
     PHt = named(HP.transposed(), "update: P H'")
     S = named(_noise(model, V, D).plus(HP, H), "update: S")
-    K = named(by_inverse(PHt, S), "update: K")
     y = named(measured(model, z).minus(model.H, x), "update: y")
     y = named(model.c("D", D) @ y, "update: y in its units")
-    x = named(x.plus(K, y), "update: x")
+    return {"x": x, "P": P, "HV": H, "PHt": PHt, "S": S, "y": y}
+
+
+def by_gain(model: Matrices, found: Kept, *, joseph: bool) -> Kept:
+    """The new x and P, by the gain K and what ``observed`` found."""
+    x, P, K, H = (found[name] for name in ("x", "P", "K", "HV"))
+    x = named(x.plus(K, found["y"]), "update: x")
     if not joseph:
-        return x, named(P.minus(K, PHt), "update: P")
+        return {"x": x, "P": named(P.minus(K, found["PHt"]), "update: P")}
+    D = near_one(model.model)
     A = named(model.c("I", np.eye(model.model.n)) - named(K @ H, "update: K H"), "update: I - K H")
     KR = named(K @ model.c("R_D", D @ model.model.R @ D), "update: K R")
     noise = named(KR @ K.T, "update: K R K'")
-    return x, named(noise.plus(named(A @ P, "update: A P"), A), "update: P")
+    return {"x": x, "P": named(noise.plus(named(A @ P, "update: A P"), A), "update: P")}
 
 
 def _noise(model: Matrices, V: Anything, D: Any) -> Anything:
@@ -116,6 +134,35 @@ def inverted(model: Matrices, size: int) -> Callable[[Anything, Anything], Anyth
     return by_inverse
 
 
+def sweeping(model: LinearModel, size: int, *, joseph: bool) -> tuple[Stage, ...] | None:
+    """The stages of an update with sweeps, a pass each; None where there are none."""
+    if model.m == 1 or (model.m <= ADJUGATE and size == ADJUGATE):
+        return None
+
+    def gain(m: Matrices, kept: Kept, given: Given) -> Kept:
+        inverse = named(m.c("zero", np.zeros((size, size))) - kept["S"], "update: S^-1")
+        return by_gain(m, {**kept, "K": named(kept["PHt"] @ inverse, "update: K")}, joseph=joseph)
+
+    return (
+        Stage(name="update", work=lambda m, kept, given: observed(m, kept, given.z, given.V)),
+        Stage(name="sweeps", work=_next_sweep, times=model.m),
+        Stage(name="gain", work=gain),
+    )
+
+
+def _next_sweep(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """As ``_swept``: of the first diagonal element, and the next one comes to its place."""
+    S = kept["S"]
+    size = S.shape[0]
+    unit = np.diag(np.eye(size)[0])
+    d = named(S.alone(Opcode.RECIP, (1, 1)), "update: 1 / pivot")
+    u = named(named(S @ m.c("E0", unit), "update: its column") - m.c("E0", unit), "update: column less one")
+    rest = named(S - m.c("E0_2", 2.0 * unit), "update: S less two there")
+    S = named(rest.minus(named(u.scaled(d), "update: u / d"), u), "update: S swept")
+    turn = m.c("turn_m", turning_up(size, m.model.m))
+    return {**kept, "S": named(named(turn @ S, "update: its rows turned") @ turn.T, "update: S turned")}
+
+
 def _swept(model: Matrices, S: Anything) -> Anything:
     """S^-1 by a sweep of every diagonal element (Goodnight 1979), whose pivots are those of L D L'.
 
@@ -138,10 +185,8 @@ def _swept(model: Matrices, S: Anything) -> Anything:
 def sequential(
     model: Matrices, x: Anything, P: Anything, z: Anything, V: Anything
 ) -> tuple[Anything, Anything]:
-    """A scalar update for each measurement. Raises ProgramError where they are correlated."""
+    """A scalar update for each measurement."""
     linear = model.model
-    if np.any(linear.R - np.diag(np.diag(linear.R))):
-        raise ProgramError('[algorithm] "sequential" needs a diagonal R here: use "conventional"')
     z = measured(model, z)
     for j in range(linear.m):
         only = np.diag(np.eye(linear.m)[j])
@@ -154,6 +199,35 @@ def sequential(
         x = named(x.plus(K, y), f"update {j}: x")
         P = named(P.minus(K, Ph), f"update {j}: P")
     return x, P
+
+
+def sequential_stages(model: LinearModel) -> tuple[Stage, ...]:
+    """The stages of a sequential update, a pass for each measurement.
+
+    Raises ProgramError where they are correlated.
+    """
+    if np.any(model.R - np.diag(np.diag(model.R))):
+        raise ProgramError('[algorithm] "sequential" needs a diagonal R here: use "conventional"')
+    one = np.eye(model.m)
+    return (
+        Stage(name="update", work=lambda m, kept, given: {**kept, **measurements(m, given, one)}),
+        Stage(name="measurements", work=_next_scalar, times=model.m),
+    )
+
+
+def _next_scalar(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """As ``sequential``: by the measurement that stands first, and the others move up."""
+    x, P = kept["x"], kept["P"]
+    h, y = first_of(m, kept)
+    size = y.builder.size
+    first = m.c("e0", np.eye(size)[0])
+    Ph = named(P @ h, "update: P h'")
+    shares = named(h.times(Ph), "update: h P h', apart")
+    s = named(kept["r_row"].plus(m.c("sum", np.eye(size)[:1].T @ np.ones((1, size))), shares), "update: s")
+    K = named(Ph.scaled(named(s.as_matrix().alone(Opcode.RECIP, (1, 1)), "update: 1 / s")), "update: K")
+    x = named(x + named(K.scaled(y.as_matrix()), "update: K y"), "update: x")
+    columns = (named(K.outer(first), "update: K as a column"), named(Ph.outer(first), "update: P h' as one"))
+    return {"x": x, "P": named(P.minus(*columns), "update: P"), **moved_on(m, kept)}
 
 
 def _over(Ph: Anything, S: Anything, j: int) -> Anything:

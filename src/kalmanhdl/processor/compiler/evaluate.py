@@ -1,6 +1,6 @@
 """The engine: a traced filter run in the processor's order of operations, on raw numbers or on floats."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,28 +55,33 @@ class Engine:
     filter_: Traced
     core: Core
     saturated: bool = False
-    _held: dict[str, list[int]] = field(init=False)
+    _held: dict[str, list[int]] = field(default_factory=dict)
     _constants: dict[str, list[int]] = field(init=False)
     _rows: int = 0
 
     def __post_init__(self) -> None:
-        self._held = {name: [0] * self.core.elements for name in self.filter_.held}
         self._constants = {
             name: raw_constant(name, array, self.core) for name, array in self.filter_.constants.items()
         }
 
     def step(self, given: Sequence[int]) -> Raw:
         """What is put out after one pass, from the flags, measurements and controls that it reads."""
-        section = self.filter_.start if self._rows < self.filter_.points else self.filter_.step
-        self._rows += 1
-        values: dict[int, list[int]] = {}
         numbers = iter(given)
+        for block in self.filter_.row(self._rows):
+            for _ in range(block.times):
+                self._pass(block.section, numbers)
+        self._rows += 1
+        stored = self.stored
+        return tuple(stored[name][element] for name, element in self.filter_.outputs)
+
+    def _pass(self, section: Section, numbers: Iterator[int]) -> None:
+        values: dict[int, list[int]] = {}
         for index in section.live:
             node = section.nodes[index]
             values[index] = [next(numbers)] if isinstance(node, Read) else self._value(section, node, values)
-        self._held = {name: values[node] for name, node in section.held.items()}
-        stored = self.stored
-        return tuple(stored[name][element] for name, element in self.filter_.outputs)
+            if isinstance(node, Given):
+                self._held[node.name] = values[index]
+        self._held |= {name: values[node] for name, node in section.held.items()}
 
     @property
     def stored(self) -> Mapping[str, list[int]]:
@@ -89,7 +94,7 @@ class Engine:
             case Constant(name):
                 return self._constants[name]
             case Held(name):
-                return self._held[name]
+                return self._held.setdefault(name, [0] * self.core.elements)
             case Given(_, reads):
                 for index in reads:
                     read = section.nodes[index]

@@ -18,10 +18,12 @@ from kalmanhdl.processor.compiler.recipe import (
     Kept,
     Matrices,
     Recipe,
+    Stage,
     measured,
     near_one,
     predicted_mean,
 )
+from kalmanhdl.processor.compiler.turning import first_of, measurements, moved_on
 from kalmanhdl.processor.instructions import Opcode
 
 
@@ -49,6 +51,7 @@ def factored(model: LinearModel) -> Recipe:
         finish=_with_variances,
         variances="v",
         covariance=_covariance,
+        stages=_stages(model),
     )
 
 
@@ -71,22 +74,27 @@ def _unit(m: Matrices, k: int, of: Anything) -> Anything:
     return m.c(f"e{k}", np.eye(of.builder.size)[k])
 
 
+def _stages(model: LinearModel) -> tuple[tuple[Stage, ...], tuple[Stage, ...]]:
+    """A pass for each row of F U, and one for each measurement."""
+    rows = Stage(name="rows", work=_next_row, times=model.n)
+    each = Stage(name="measurements", work=_next_measurement, times=model.m)
+    return (Stage(name="step", work=_rows_begun), rows), (
+        Stage(name="update", work=_measurements_begun),
+        each,
+    )
+
+
 def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
     """Thornton: the rows of [F U, G] made orthogonal under the weights of D and Q, the last one first."""
     n = m.model.n
-    G, q = factors(m.model.Q)
-    G, q = G[:, q > 0], q[q > 0]
+    G, q = _noise(m.model)
     W, d = named(m.F @ kept["L"].T, "predict: F U"), kept["d"]
     noise = m.c("G", G) if len(q) else None
     L, D = m.c("I", np.eye(n)), None
     for j in range(n - 1, -1, -1):
-        row = named(named(W.transposed(), f"predict {j}: U' F'") @ _unit(m, j, d), f"predict {j}: row")
-        s = named(W @ named(row.times(d), f"predict {j}: row, weighted"), f"predict {j}: products")
-        if noise is not None:
-            row_of_noise = named(noise.transposed() @ _unit(m, j, d), f"predict {j}: row of G")
-            weighted = named(row_of_noise.times(m.c("q", q)), f"predict {j}: row of G, weighted")
-            s = named(s.plus(noise, weighted), f"predict {j}: products with G")
-        alone = named(s.times(_unit(m, j, d)), f"predict {j}: D")
+        unit = _unit(m, j, d)
+        row, row_of_noise, s = _products(m, W, noise, d, unit, f"predict {j}")
+        alone = named(s.times(unit), f"predict {j}: D")
         D = alone if D is None else named(D + alone, f"predict: D from {j} on")
         if j == 0:
             break
@@ -99,8 +107,86 @@ def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
         if noise is not None:
             along = named(u.outer(row_of_noise), f"predict {j}: along G")
             noise = named(noise - along, f"predict {j}: G less that")
-        L = named(L + named(_unit(m, j, d).outer(u), f"predict {j}: row of L"), f"predict: L from {j} on")
+        L = named(L + named(unit.outer(u), f"predict {j}: row of L"), f"predict: L from {j} on")
     return {"x": predicted_mean(m, kept["x"], given), "L": L, "d": D}
+
+
+def _noise(model: LinearModel) -> tuple[Any, Any]:
+    """G (n, k) and q (k,), all of it more than zero, with Q = G diag(q) G'."""
+    G, q = factors(model.Q)
+    return G[:, q > 0], q[q > 0]
+
+
+def _products(
+    m: Matrices, W: Anything, noise: Anything, d: Anything, unit: Anything, where: str
+) -> tuple[Anything, Anything, Anything]:
+    """Of the row that ``unit`` names: itself in F U and in G, and its weighted products with all rows."""
+    row = named(named(W.transposed(), f"{where}: U' F'") @ unit, f"{where}: row")
+    s = named(W @ named(row.times(d), f"{where}: row, weighted"), f"{where}: products")
+    if noise is None:
+        return row, None, s
+    row_of_noise = named(noise.transposed() @ unit, f"{where}: row of G")
+    weighted = named(row_of_noise.times(m.c("q", _noise(m.model)[1])), f"{where}: row of G, weighted")
+    return row, row_of_noise, named(s.plus(noise, weighted), f"{where}: products with G")
+
+
+def _rows_begun(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """What the passes over rows begin with: F U and G, the last row's unit vector, the rows above it."""
+    n = m.model.n
+    G, q = _noise(m.model)
+    found = {
+        "x": predicted_mean(m, kept["x"], given),
+        "weights": kept["d"],
+        "d": m.c("none", np.zeros(n)),
+        "W": named(m.F @ kept["L"].T, "predict: F U"),
+        "L": m.c("I", np.eye(n)),
+        "e": _unit(m, n - 1, kept["d"]),
+        "above": m.c("rows_above", 1.0 * (np.arange(n) < n - 1)),
+    }
+    return found | ({"noise": m.c("G", G)} if len(q) else {})
+
+
+def _next_row(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """As ``_predicted``: one row, and on to the one above."""
+    where, weights = "predict", kept["weights"]
+    size = weights.builder.size
+    unit, above, noise = kept["e"], kept["above"], kept.get("noise")
+    row, row_of_noise, s = _products(m, kept["W"], noise, weights, unit, where)
+    alone = named(s.times(unit), f"{where}: D of the row")
+    D = named(m.c("sum", np.eye(size)[:1].T @ np.ones((1, size))) @ alone, f"{where}: D alone")
+    over = named(D.as_matrix().alone(Opcode.RECIP, (1, 1)), f"{where}: 1 / D")
+    u = named(named(s.times(above), f"{where}: products with rows above").scaled(over), f"{where}: U")
+    up = m.c("up", np.eye(size, k=1))
+    W = named(kept["W"] - named(u.outer(row), f"{where}: along F U"), f"{where}: F U less that")
+    found = {
+        **kept,
+        "W": W,
+        "L": named(kept["L"] + named(unit.outer(u), f"{where}: row of L"), f"{where}: L so far"),
+        "d": named(kept["d"] + alone, f"{where}: D so far"),
+        "e": named(up @ unit, f"{where}: the row above"),
+        "above": named(up @ above, f"{where}: rows above that"),
+    }
+    if noise is not None:
+        along = named(u.outer(row_of_noise), f"{where}: along G")
+        found["noise"] = named(noise - along, f"{where}: G less that")
+    return found
+
+
+def _measurements_begun(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """What the passes over measurements begin with."""
+    return {
+        **{name: kept[name] for name in ("x", "L", "d")},
+        **measurements(m, given, near_one(m.model)),
+    }
+
+
+def _next_measurement(m: Matrices, kept: Kept, given: Given) -> Kept:
+    """As ``_updated``: by the measurement that stands first, and the others move up."""
+    h, y = first_of(m, kept)
+    ones = m.c("ones", np.ones(m.model.n))
+    noise = named(ones.scaled(kept["r_row"].as_matrix()), "update: r everywhere")
+    found = _by_one(m, {name: kept[name] for name in ("x", "L", "d")}, h, y, 0, noise, "update")
+    return {**found, **moved_on(m, kept)}
 
 
 def _updated(m: Matrices, kept: Kept, given: Given) -> Kept:
@@ -114,18 +200,18 @@ def _updated(m: Matrices, kept: Kept, given: Given) -> Kept:
     for j in range(model.m):
         h = named(rows @ _unit(m, j, rows), f"update {j}: h")
         y = named(z.minus(H, found["x"]), f"update {j}: y")
-        found = _measured(m, found, h, y, j, float((scale @ model.R @ scale)[j, j]))
+        noise = m.c(f"r{j}", np.full(model.n, (scale @ model.R @ scale)[j, j]))
+        found = _by_one(m, found, h, y, j, noise, f"update {j}")
     return found
 
 
-def _measured(m: Matrices, kept: Kept, h: Anything, y: Anything, j: int, r: float) -> Kept:
-    """By z = h' x + v alone, v of variance r. Element j of y is its innovation."""
+def _by_one(m: Matrices, kept: Kept, h: Anything, y: Anything, j: int, noise: Anything, where: str) -> Kept:
+    """By z = h' x + v alone. Element j of y is its innovation, every one of ``noise`` the variance of v."""
     n, L, d = m.model.n, kept["L"], kept["d"]
 
     def note(value: Anything, what: str) -> Any:
-        return named(value, f"update {j}: {what}")
+        return named(value, f"{where}: {what}")
 
-    noise = m.c(f"r{j}", np.full(n, r))
     f = note(L @ h, "f = U' h")
     g = note(f.times(d), "g = D f")
     shares = note(f.times(g), "f g")

@@ -14,8 +14,15 @@ from kalmanhdl.algorithm import (
 )
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.processor.compiler.covariance import gained, inverted, keeping_covariance, sequential
-from kalmanhdl.processor.compiler.expansion import expanded
+from kalmanhdl.processor.compiler.covariance import (
+    gained,
+    inverted,
+    keeping_covariance,
+    sequential,
+    sequential_stages,
+    sweeping,
+)
+from kalmanhdl.processor.compiler.expansion import expanded, leaving_out
 from kalmanhdl.processor.compiler.factors import factored
 from kalmanhdl.processor.compiler.recipe import Recipe
 from kalmanhdl.processor.compiler.steady import steady
@@ -27,7 +34,8 @@ def recipe_of(algorithm: Algorithm, model: LinearModel, size: int) -> Recipe:
         case Conventional() | Joseph():
             joseph = isinstance(algorithm, Joseph)
             return keeping_covariance(
-                lambda m, x, P, z, V: gained(m, x, P, z, V, inverted(m, size), joseph=joseph)
+                lambda m, x, P, z, V: gained(m, x, P, z, V, inverted(m, size), joseph=joseph),
+                sweeping(model, size, joseph=joseph),
             )
         case Taylor():
             S0 = steady_state.innovation_covariance(model, algorithm.point(model))
@@ -35,10 +43,11 @@ def recipe_of(algorithm: Algorithm, model: LinearModel, size: int) -> Recipe:
             S0[np.abs(S0) <= 8 * np.finfo(np.float64).eps * np.sqrt(np.outer(np.diag(S0), np.diag(S0)))] = 0.0
             newton = algorithm.newton
             return keeping_covariance(
-                lambda m, x, P, z, V: gained(m, x, P, z, V, expanded(m, V, S0, newton), joseph=True)
+                lambda m, x, P, z, V: gained(m, x, P, z, V, expanded(m, V, S0, newton), joseph=True),
+                leaving_out(model, S0, newton),
             )
         case Sequential():
-            return keeping_covariance(sequential)
+            return keeping_covariance(sequential, sequential_stages(model))
         case BiermanThornton():
             return factored(model)
         case Scheduled(steps=0):

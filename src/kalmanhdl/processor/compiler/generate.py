@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kalmanhdl.algorithm import Algorithm
+from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.model import Model
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.compiler.allocate import Places, allocate
 from kalmanhdl.processor.compiler.constants import TURN, input_lines, numbers_read, read_source, readings
 from kalmanhdl.processor.compiler.graph import Computed, Constant, Given, Held, Put, Read, Section
 from kalmanhdl.processor.compiler.schedule import scheduled
-from kalmanhdl.processor.compiler.trace import Traced
+from kalmanhdl.processor.compiler.trace import Block, Traced, traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import OPERATIONS, Kind
 from kalmanhdl.processor.program import Program
@@ -22,23 +25,72 @@ def compiled(filter_: Traced, core: Core) -> Program:
     return assemble(source(filter_, core), core, "the filter's program")
 
 
+def fitting(model: Model, algorithm: Algorithm, core: Core) -> Traced:
+    """A filter whose program fits the stores of a core: a row in one section, or else with loops.
+
+    Raises ProgramError where neither does, or where there is none.
+    """
+    fast = traced(model, algorithm, core.size)
+    try:
+        compiled(fast, core)
+    except ProgramError:
+        short = traced(model, algorithm, core.size, short=True)
+        compiled(short, core)
+        return short
+    return fast
+
+
 def source(filter_: Traced, core: Core) -> str:
     """The program's source: it clears its matrices, reads the constants, and filters for ever."""
-    starts = [
-        scheduled(replace(filter_.start, name=f"start{k}"), core, filter_.outputs if k else ())
-        for k in range(filter_.points)
-    ]
-    step = scheduled(filter_.step, core, filter_.outputs)
+    parts = _parts(filter_, core)
     read = readings(filter_, core)
-    places = allocate(filter_, (*starts, step), core, turns=any(one.looped for one in read))
+    sections = [block.section for part in parts for block in part]
+    places = allocate(filter_, sections, core, turns=any(one.looped for one in read))
     whole = {one.name for one in read if one.looped}
     cleared = [name for name in places.names if name not in whole]
     lines = [".text", *(f"{'':16}SUB_33   {name} {name} {name}" for name in cleared)]
     lines += read_source(read, {TURN: places.spare}, core)
-    for section in (*starts, step):
-        lines += [f"{section.name + ':':<15} -- {section.name}", *_section(section, places, core)]
-    lines.append(f"{'':16}JUMP_U   step")
+    *starts, step, shared = parts
+    for start in starts:
+        lines += _part(start, places, core)
+        if shared and filter_.joins:
+            lines.append(f"{'':16}JUMP_U   {shared[0].section.name}")
+    lines += [*_part(step, places, core), *_part(shared, places, core), f"{'':16}JUMP_U   step"]
     return "\n".join([*lines, ".data", *(f"{name}:" for name in places.names)]) + "\n"
+
+
+def _parts(filter_: Traced, core: Core) -> list[tuple[Block, ...]]:
+    """The blocks of every start, those of a step, and those that follow them, their sections in order."""
+    outputs = [
+        (Constant(name) if name in filter_.constants else Held(name), element)
+        for name, element in filter_.outputs
+    ]
+
+    def ordered(blocks: Sequence[Block], outputs: Sequence[tuple[Held | Constant, int]]) -> tuple[Block, ...]:
+        """The first one puts out what the row before has left."""
+        return tuple(
+            replace(block, section=scheduled(block.section, core, outputs if k == 0 else ()))
+            for k, block in enumerate(blocks)
+        )
+
+    starts = []
+    for k in range(filter_.points):
+        (start,) = filter_.start
+        named = replace(start, section=replace(start.section, name=f"start{k}"))
+        starts.append(ordered([named], outputs if k else ()))
+    return [*starts, ordered(filter_.step, outputs), ordered(filter_.shared, ())]
+
+
+def _part(blocks: Sequence[Block], places: Places, core: Core) -> Iterator[str]:
+    for block in blocks:
+        name = block.section.name
+        yield f"{name + ':':<15} -- {name}"
+        if block.times > 1:
+            yield f"{'':16}LOOP     {block.times}"
+            yield f"{name}_pass:"
+        yield from _section(block.section, places, core)
+        if block.times > 1:
+            yield f"{'':16}NEXT     {name}_pass"
 
 
 def _output(label: str, element: int, name: str, core: Core) -> Iterator[str]:
@@ -60,9 +112,10 @@ def _section(section: Section, places: Places, core: Core) -> Iterator[str]:
                 yield f"{'':16}{_instruction(node, of, index)}{comment}"
             case Constant() | Held() | Given():
                 pass
-    for name, result in section.held.items():
-        if of[result] != name:
-            yield f"{'':16}COPY     {of[result]} {name}"
+    copies = [(of[result], name) for name, result in section.held.items() if of[result] != name]
+    # What is copied from a matrix that stays is so before that one is.
+    for place, name in sorted(copies, key=lambda copy: copy[0] not in section.held):
+        yield f"{'':16}COPY     {place} {name}"
 
 
 def _instruction(node: Computed, of: Mapping[int, str], index: int) -> str:

@@ -150,6 +150,10 @@ class Vector:
         index = self.builder.place(Computed(Opcode.PICK, (self.index,), place))
         return Matrix(self.builder, index, (1, 1))
 
+    def as_matrix(self) -> "Matrix":
+        """The same matrix of the store, for its element 0."""
+        return Matrix(self.builder, self.index, (1, self.length))
+
     def reciprocals(self) -> "Vector":
         """1 / every element, one after the other into the same place."""
         index = self.builder.place(Computed(Opcode.RECIP, (self.index,), 0))
@@ -307,7 +311,7 @@ class Section:
         needed = {*self.held.values()}
         for index in range(len(self.nodes) - 1, -1, -1):
             node = self.nodes[index]
-            if isinstance(node, Read | Put):
+            if isinstance(node, Read | Given | Put):
                 needed.add(index)
             if index in needed:
                 needed.update(sources_of(node))

@@ -37,6 +37,19 @@ class Given:
     u: Anything
 
 
+Work = Callable[[Matrices, Kept, Given], Kept]
+"""What takes what is kept to what it becomes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Work that is done so many times, on what the stage before left; what it does not give back is lost."""
+
+    name: str
+    work: Work
+    times: int = 1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
     """A filter on whole matrices.
@@ -44,17 +57,25 @@ class Recipe:
     It keeps ``vectors``, the mean x among them, and ``matrices``. ``begin`` is what a track starts with
     beside x; ``predict`` and ``update`` take what is kept to what it becomes; ``finish`` adds what is put out
     and not needed. ``variances`` is the vector or the matrix with the variances, a constant where it is not
-    kept; ``covariance`` makes P of the numbers that are kept.
+    kept; ``covariance`` makes P of the numbers that are kept. ``stages`` are prediction and update in fewer
+    words: what repeats is a loop over matrices that turn.
     """
 
     vectors: tuple[str, ...]
     matrices: tuple[str, ...]
     begin: Callable[[Matrices], Kept]
-    predict: Callable[[Matrices, Kept, Given], Kept]
-    update: Callable[[Matrices, Kept, Given], Kept]
+    predict: Work
+    update: Work
     finish: Callable[[Matrices, Kept], Kept]
     variances: str
     covariance: Callable[[Mapping[str, Array]], Array]
+    stages: tuple[tuple[Stage, ...], tuple[Stage, ...]] | None = None
+
+    @property
+    def short(self) -> tuple[tuple[Stage, ...], tuple[Stage, ...]]:
+        """The stages of prediction and of update; one each where nothing repeats."""
+        apart = (Stage(name="step", work=self.predict),), (Stage(name="update", work=self.update),)
+        return apart if self.stages is None else self.stages
 
 
 def predicted_mean(model: Matrices, x: Anything, given: Given) -> Anything:

@@ -29,7 +29,7 @@ _SHAKE = 6.0
 """Orders that are tried, fewer of long sections, and by how many clocks urgencies are shaken for them."""
 
 
-def scheduled(section: Section, core: Core, outputs: Sequence[tuple[str, int]]) -> Section:
+def scheduled(section: Section, core: Core, outputs: Sequence[tuple[Held | Constant, int]]) -> Section:
     """The live nodes of a section in the order of the program, with the copies that it needs.
 
     ``outputs`` are elements of constants, and of the held matrices as the section before left them. They are
@@ -39,16 +39,12 @@ def scheduled(section: Section, core: Core, outputs: Sequence[tuple[str, int]]) 
     return _permuted(copied, _order(copied, core))
 
 
-def _putting_out(section: Section, outputs: Sequence[tuple[str, int]]) -> Section:
+def _putting_out(section: Section, outputs: Sequence[tuple[Held | Constant, int]]) -> Section:
     nodes = list(section.nodes)
-
-    def at(name: str) -> Held | Constant:
-        return Held(name) if name in section.held else Constant(name)
-
-    for name in dict.fromkeys(name for name, _ in outputs):
-        if at(name) not in nodes:
-            nodes.append(at(name))
-    nodes += [Put(nodes.index(at(name)), element) for name, element in outputs]
+    for of in dict.fromkeys(of for of, _ in outputs):
+        if of not in nodes:
+            nodes.append(of)
+    nodes += [Put(nodes.index(of), element) for of, element in outputs]
     return replace(section, nodes=tuple(nodes))
 
 
