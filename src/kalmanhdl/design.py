@@ -18,6 +18,7 @@ from kalmanhdl.model.model import Model
 from kalmanhdl.model.multiple import MultipleModel
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.shape import Shape
 from kalmanhdl.target import DERATED, Device
 from kalmanhdl.target import device as known_device
 from kalmanhdl.validation import (
@@ -232,7 +233,8 @@ class Design:
     """What is estimated, how, with which numbers, how fast and on which device.
 
     A word for ``algorithm`` is the algorithm of that kind with its defaults. With a ``processor`` the filter
-    becomes a program of it, and ``architecture`` says nothing.
+    becomes a program of it, and ``architecture`` says nothing. With a ``shape`` (``control = "writable"``) it
+    becomes an image of a programmable datapath, and ``architecture`` says nothing either.
 
     Raises:
         DesignError: a name, an algorithm or a number that cannot be.
@@ -245,6 +247,7 @@ class Design:
     architecture: Architecture = field(default_factory=Architecture)
     target: Target = field(default_factory=Target)
     processor: Processor | None = None
+    shape: Shape | None = None
 
     def __post_init__(self) -> None:
         problem = identifier_problem(self.name)
@@ -265,9 +268,23 @@ class Design:
         if self.target.rounds and self.architecture.clock_mhz is None:
             problem = f" = {self.target.rounds}: say which clock they are to reach: architecture.clock_mhz"
             raise InvalidValueError("target", "rounds", problem)
+        if self.shape is not None:
+            self._check_programmable()
         if isinstance(self.numerics, FixedSpecification):
             _check_scales(self.numerics, self.model.n)
             _check_signals(self.numerics, self.model)
+
+    def _check_programmable(self) -> None:
+        if self.processor is not None:
+            raise InvalidValueError("", "shape", ": the processor has none: leave one of the two out")
+        if isinstance(self.numerics, FloatSpecification):
+            problem = ' = "writable" is for fixed point: use [numerics] kind = "fixed"'
+            raise InvalidValueError("architecture", "control", problem)
+
+    @property
+    def shares_multipliers(self) -> bool:
+        """Whether multiplications take turns on few multipliers, those by constants among them."""
+        return self.shape is not None or self.architecture.shares_multipliers
 
     @property
     def fixed_point(self) -> FixedSpecification:
@@ -350,6 +367,7 @@ _PARTS: dict[str, tuple[type, ...]] = {
     "architecture": (Architecture,),
     "target": (Target,),
     "processor": (Processor, type(None)),
+    "shape": (Shape, type(None)),
 }
 
 

@@ -105,8 +105,15 @@ def proof_of(design: Design, typed: Numbers | FloatNumbers) -> Proof:
 def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
     """The schedule of a design, checked by code that does not share a line with the scheduler.
 
-    Raises DesignError for what floating-point hardware has not, ScheduleError.
+    Raises DesignError for what floating-point hardware has not, and for a filter that is an image,
+    ScheduleError.
     """
+    if design.shape is not None:
+        problem = (
+            ' = "writable": only build, show, verify, implement, image and what needs no hardware know it: '
+            'use "fixed" for all else'
+        )
+        raise InvalidValueError("architecture", "control", problem)
     graph, asked = typed.typed, design.architecture
     if isinstance(graph, FloatGraph):
         _refuse_fixed_only(asked)
@@ -216,7 +223,7 @@ def fixed_numbers(design: Design) -> Numbers:
         design.model,
         design.algorithm,
         design.fixed_point,
-        on_multipliers=asked.shares_multipliers,
+        on_multipliers=design.shares_multipliers,
         loadable=asked.coefficients is Coefficients.LOADABLE,
     )
 

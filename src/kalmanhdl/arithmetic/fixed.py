@@ -98,16 +98,22 @@ def rounded(raw: Any, dropped: int, rounding: Rounding) -> Any:
     """
     if dropped <= 0:
         return raw << -dropped if dropped else raw
+    if rounding is Rounding.FLOOR:
+        return raw >> dropped
+    return (raw + rounding_bias(raw, dropped, rounding)) >> dropped
+
+
+def rounding_bias(raw: Any, dropped: int, rounding: Rounding) -> Any:
+    """What is added to a raw integer before its last ``dropped`` bits, one or more, are cut off."""
     match rounding:
         case Rounding.FLOOR:
-            return raw >> dropped
+            return 0
         case Rounding.HALF_UP:
-            biased = raw + (1 << (dropped - 1))
+            return 1 << (dropped - 1)
         case Rounding.HALF_EVEN:
-            biased = raw + ((1 << (dropped - 1)) - 1) + ((raw >> dropped) & 1)
+            return ((raw >> dropped) & 1) + ((1 << (dropped - 1)) - 1)
         case Rounding.TOWARD_ZERO:
-            biased = raw + (-(raw < 0) & ((1 << dropped) - 1))
-    return biased >> dropped
+            return -(raw < 0) & ((1 << dropped) - 1)
 
 
 def outside(raw: Any, form: Fixed) -> Any:

@@ -17,6 +17,7 @@ from kalmanhdl.design_file.lines import line_of, twice
 from kalmanhdl.design_file.schema import (
     ALGORITHM_TABLES,
     ARCHITECTURES,
+    CONTROLS,
     INITIALS,
     MODEL_KINDS,
     MODELS,
@@ -40,6 +41,7 @@ from kalmanhdl.design_file.schema import (
     ThreePointTable,
     TwoPointTable,
     VaryingTable,
+    WritableTable,
 )
 from kalmanhdl.design_file.values import Context, number
 from kalmanhdl.errors import DesignError, ModelError
@@ -56,6 +58,7 @@ from kalmanhdl.model.turn import coordinated_turn
 from kalmanhdl.model.varying import VaryingModel, varying_model
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.specification import SIGNAL_CLASSES, FixedSpecification
+from kalmanhdl.shape import Shape
 from kalmanhdl.validation import InvalidValueError, identifier_problem, nearest, shown
 
 MAX_BYTES = 1 << 20
@@ -149,27 +152,37 @@ def _not_toml(text: str, source: str, reason: str) -> str:
 def _design(tables: dict[str, Any], constants: Mapping[str, float | str]) -> Design:
     root = _checked(RootTable, tables, "", Context({}))
     context = Context(_constants(root.model.get("constants", {}), constants))
-    architecture, processor = _architecture(root.architecture, context)
+    model = _model(root.model, context)
+    architecture, processor, shape = _architecture(root.architecture, model, context)
     target = _checked(TargetTable, root.target, "target", context)
     return Design(
         name=root.name,
-        model=_model(root.model, context),
+        model=model,
         algorithm=_algorithm(root.algorithm, context),
         numerics=_numerics(root.numerics, context),
         architecture=architecture,
         target=Target(**{name: getattr(target, name) for name in TargetTable.model_fields}),
         processor=processor,
+        shape=shape,
     )
 
 
-def _architecture(table: dict[str, Any], context: Context) -> tuple[Architecture, Processor | None]:
-    """Hardware of the filter's own, or the processor."""
+def _architecture(
+    table: dict[str, Any], model: Model, context: Context
+) -> tuple[Architecture, Processor | None, Shape | None]:
+    """Hardware of the filter's own, or the processor, or a programmable datapath."""
     kind = _check_kind(ARCHITECTURES, {"kind": "datapath", **table}, "architecture")
     if kind == "processor":
         checked = _checked(ProcessorTable, table, "architecture", context)
-        return Architecture(), Processor(**checked.model_dump(exclude={"kind"}))
+        return Architecture(), Processor(**checked.model_dump(exclude={"kind"})), None
+    control = table.get("control", "fixed")
+    if control not in CONTROLS:
+        problem = f" = {shown(control)}: {nearest(str(control), CONTROLS)}"
+        raise InvalidValueError("architecture", "control", problem)
+    if control == "writable":
+        return Architecture(), None, _shape(table, model, context)
     asked = _checked(ArchitectureTable, table, "architecture", context)
-    return Architecture(
+    architecture = Architecture(
         interval=asked.interval,
         channels=asked.channels,
         clock_mhz=asked.clock_mhz,
@@ -184,7 +197,23 @@ def _architecture(table: dict[str, Any], context: Context) -> tuple[Architecture
         lanes=asked.lanes,
         streams=asked.streams,
         coefficients=asked.coefficients,
-    ), None
+    )
+    return architecture, None, None
+
+
+def _shape(table: dict[str, Any], model: Model, context: Context) -> Shape:
+    """The shape of a programmable datapath, by default with as many ports as the model needs."""
+    for key in table:
+        if key in ArchitectureTable.model_fields and key not in WritableTable.model_fields:
+            problem = (
+                ': control = "writable" is one track on units that any filter can use, whose numbers are in '
+                "its image: leave it out"
+            )
+            raise InvalidValueError("architecture", key, problem)
+    asked = _checked(WritableTable, table, "architecture", context)
+    ports = {"states": model.n, "measurements": model.m, "controls": model.p}
+    given = asked.model_dump(exclude={"kind", "control"}, exclude_none=True)
+    return Shape(**{**ports, **given})
 
 
 def _constants(table: object, instead: Mapping[str, float | str]) -> dict[str, float]:

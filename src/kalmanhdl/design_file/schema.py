@@ -280,6 +280,7 @@ class ArchitectureTable(Table):
     """``kind = "datapath"``: hardware of the filter's own; how fast, and for how many tracks."""
 
     kind: Literal["datapath"] = "datapath"
+    control: Literal["fixed"] = "fixed"
     interval: Interval = "bound"
     channels: Integer = 1
     clock_mhz: Number | None = None
@@ -294,6 +295,23 @@ class ArchitectureTable(Table):
     lanes: Integer = 1
     streams: Streams = Streams.ONE
     coefficients: Coefficients = Coefficients.FIXED
+
+
+class WritableTable(Table):
+    """``control = "writable"``: a programmable datapath, whose control store is written."""
+
+    kind: Literal["datapath"] = "datapath"
+    control: Literal["writable"]
+    units: dict[str, Integer] = Field(default_factory=dict)
+    rows: Integer = 256
+    words: Integer = 128
+    operand_width: Integer = 18
+    word_width: Integer = 48
+    # As many as the model has.
+    states: Integer | None = None
+    measurements: Integer | None = None
+    controls: Integer | None = None
+    reciprocal_table: Integer | None = None
 
 
 class ProcessorTable(Table):
@@ -335,6 +353,7 @@ INITIALS: dict[str, type[Table]] = {
 }
 NONLINEAR_INITIALS: dict[str, type[Table]] = {**INITIALS, "measured": MeasuredTable}
 ARCHITECTURES = ("datapath", "processor")
+CONTROLS = ("fixed", "writable")
 # Algorithms with options have a table of their own, whose keys are the algorithm's fields.
 ALGORITHM_TABLES: dict[str, type[AlgorithmTable]] = {
     **dict.fromkeys(ALGORITHMS, AlgorithmTable),

@@ -26,6 +26,7 @@ from kalmanhdl.numerics.choices import Form
 from kalmanhdl.numerics.floating import FloatSpecification
 from kalmanhdl.numerics.functions.method import FunctionMethod, Interpolation
 from kalmanhdl.numerics.specification import FixedSpecification
+from kalmanhdl.shape import Shape
 
 Array = NDArray[np.float64]
 Lines = list[str]
@@ -55,7 +56,7 @@ def dumps(design: Design) -> str:
         _numerics(design.numerics),
         _signals(design.numerics),
         _headroom(design.numerics),
-        _processor(design.processor) if design.processor else _architecture(design.architecture),
+        _hardware(design),
         _target(design.target),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
@@ -250,6 +251,12 @@ def _headroom(numerics: FixedSpecification | FloatSpecification) -> Lines:
     return ["[numerics.headroom]", *(f"{_text(name)} = {bits}" for name, bits in numerics.headroom.items())]
 
 
+def _hardware(design: Design) -> Lines:
+    if design.processor is not None:
+        return _processor(design.processor)
+    return _architecture(design.architecture) if design.shape is None else _shape(design.shape)
+
+
 def _architecture(architecture: Architecture) -> Lines:
     interval = '"bound"' if architecture.interval is None else str(architecture.interval)
     lines = ["[architecture]", f"interval = {interval}", f"channels = {architecture.channels}"]
@@ -287,6 +294,12 @@ def _processor(processor: Processor) -> Lines:
     given = {key.name: getattr(processor, key.name) for key in fields(processor)}
     lines = [f"{name} = {value}" for name, value in given.items() if value is not None]
     return ["[architecture]", 'kind = "processor"', *lines]
+
+
+def _shape(shape: Shape) -> Lines:
+    given = {key.name: getattr(shape, key.name) for key in fields(shape) if key.name != "units"}
+    lines = [f"{key} = {value}" for key, value in given.items() if value is not None]
+    return ["[architecture]", 'control = "writable"', f"units = {_counts(shape.units)}", *lines]
 
 
 def _target(target: Target) -> Lines:

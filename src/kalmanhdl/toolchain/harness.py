@@ -23,10 +23,14 @@ class Stream:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """Wires of the top module that are recorded in every cycle in which the wire ``enable`` is high."""
+    """Wires of the top module that are recorded in every cycle in which the wire ``enable`` is high.
+
+    At most ``most`` records are kept for each token that is sent.
+    """
 
     enable: str
     wires: tuple[tuple[str, int], ...]
+    most: int = 1
 
     @property
     def words(self) -> int:

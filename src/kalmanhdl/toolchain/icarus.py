@@ -143,7 +143,7 @@ class _Records:
             raise VerificationError("the simulation ended before its last run was done")
         room = sum(len(sent.tokens) for sent in wanted.sent)
         looks = tuple(
-            _array(records[:room], watch)
+            _array(records[: room * watch.most], watch)
             for records, watch in zip(watched, self._border.watches, strict=True)
         )
         return tuple(

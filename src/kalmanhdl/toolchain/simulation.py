@@ -56,7 +56,7 @@ class Trace:
     """What came out: ``outputs[token, word]``, and the cycle in which every token went in and came out.
 
     ``cycles`` are those since the simulation began. ``watched`` has the records of every watch of the border,
-    [record, word], at most one a token of all streams.
+    [record, word], at most as many a token of all streams as the watch says.
     """
 
     outputs: Words
@@ -161,7 +161,7 @@ class Simulation:
         ]
         flows = (_Flow * len(buffers))(*(each.flow() for each in buffers))
         room = sum(len(sent.tokens) for sent in run.sent)
-        records = [np.zeros((room, watch.words), np.uint64) for watch in self._border.watches]
+        records = [np.zeros((room * watch.most, watch.words), np.uint64) for watch in self._border.watches]
         watched = (_Watched * max(1, len(records)))(
             *(_Watched(r.ctypes.data, r.shape[1], len(r), 0) for r in records)
         )
