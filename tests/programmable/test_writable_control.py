@@ -117,7 +117,8 @@ def test_a_build_takes_the_image_of_another_design(tmp_path):
     assert code == 0
     ports, _, table = told.partition("\n\n")
     assert [line.split()[:2] for line in ports.splitlines()[1:3]] == [["in_z_0", "z[0]"], ["out_x_0", "x[0]"]]
-    assert [line.split()[1] for line in table.splitlines()[1:]] == ["altitude", "level"]
+    verified = [line.split()[1:3] for line in table.splitlines()[1:]]
+    assert verified == [["altitude,", "configured"], ["level,", "written"], ["altitude,", "written"]]
     rows = list(csv.DictReader(image.read_text().splitlines()))
     assert (rows[-1]["address"], rows[-1]["place"]) == ("0", "last row")
 

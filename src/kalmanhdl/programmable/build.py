@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 from kalmanhdl.design import Design
 from kalmanhdl.numerics.integers import Numbers, numbers
@@ -90,7 +90,7 @@ def verify(
     simulators: Sequence[Simulator] = (Simulator.CXXRTL,),
     progress: Progress,
 ) -> tuple[Verification, ...]:
-    """The Verilog against the engine: with the image of the design, then with others, one after the other.
+    """The Verilog against the engine: as it is configured, then with other images written, then its own.
 
     Raises VerificationError at the first bit that differs.
     """
@@ -98,7 +98,11 @@ def verify(
     own = Bound(
         name=name, model=design.model, typed=hardware.numbers.typed, image=hardware.image, plots=plots
     )
-    images = (own, *others)
+    images = (
+        replace(own, name=f"{name}, configured", configured=True),
+        *(replace(each, name=f"{each.name}, written") for each in others),
+        replace(own, name=f"{name}, written"),
+    )
     clocks = steps * sum(len(each.image.rows) for each in images)
     border, found = border_of(hardware.image.shape), list[Verification]()
     for simulator in simulators:

@@ -45,13 +45,17 @@ _SCOPE = "datapath."
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bound:
-    """A filter with its image, and data of its own, if any."""
+    """A filter with its image, and data of its own, if any.
+
+    ``configured``: the simulation begins with the image, so that it is not written first.
+    """
 
     name: str
     model: Model
     typed: TypedGraph
     image: Image
     plots: Plots | None = None
+    configured: bool = False
 
 
 def border_of(shape: Shape) -> Border:
@@ -87,7 +91,7 @@ def _state_files(shape: Shape) -> list[str]:
 def verify_images(
     simulate: Simulate, top: str, bound: Sequence[Bound], steps: int, seed: int = 1
 ) -> tuple[Verification, ...]:
-    """Load each image in turn into one simulation, and compare ``steps`` steps of it with the engine.
+    """Write each image in turn into one simulation, and compare ``steps`` steps of it with the engine.
 
     Half of them are of tracks that the model draws, the others random, with pauses and resets. Where nobody
     pauses, so is the clock of each result. Raises VerificationError at the first difference.
@@ -98,8 +102,9 @@ def verify_images(
     found = []
     for each, sections in plans:
         begin = time.perf_counter()
-        loaded, *_ = [next(traces) for _ in range(2)][-1]
-        comparison = _Comparison(each, border, loaded.cycles)
+        # Of an image and the reset behind it; a simulation begins with a reset of its own.
+        since = 0 if each.configured else [next(traces)[0].cycles for _ in range(2)][-1]
+        comparison = _Comparison(each, border, since)
         first = comparison.since
         for number, section in enumerate(sections):
             trace, after = next(traces)[0], next(traces)[0]
@@ -146,10 +151,11 @@ def _seed(random: np.random.Generator) -> int:
 
 
 def _runs(border: Border, bound: Bound, sections: Sequence[Section]) -> Iterator[Run]:
-    words = np.array(bound.image.words, object)
-    fields = dict(zip(LOADING, (np.ones(len(words), np.int64), words[:, 0], words[:, 1]), strict=True))
-    yield _alone(border, len(words), fields)
-    yield _reset(border)
+    if not bound.configured:
+        words = np.array(bound.image.words, object)
+        written = np.ones(len(words), np.int64), words[:, 0], words[:, 1]
+        yield _alone(border, len(words), dict(zip(LOADING, written, strict=True)))
+        yield _reset(border)
     for section in sections:
         sent = _sent(bound, section.steps)
         count = len(section.steps.order)
