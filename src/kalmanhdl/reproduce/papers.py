@@ -14,7 +14,7 @@ PAPERS = ("bhatia2012", "kumar2014", "lee1997", "liu2007", "wu2012")
 # itself is hardware.
 _HARDWARE = {
     "kumar2014": ("kumar2014_hardware",),
-    "liu2007": ("liu2007_hardware", "liu2007_areas"),
+    "liu2007": ("liu2007_hardware", "liu2007_areas", "liu2007_processor"),
     "wu2012": ("wu2012_hardware",),
 }
 

@@ -78,9 +78,10 @@ def _next_left_out(m: Matrices, kept: Kept, given: Given) -> Kept:
     X, missed = kept["X0"], kept["missed"]
     size = X.shape[0]
     pivot = named(X.alone(Opcode.RECIP, (1, 1)), "update: 1 / X0[k,k]")
-    if_missed = named(pivot.scaled(missed.as_matrix()), "update: the same, if k is missed")
     column = named(X @ m.c("e0", np.eye(size)[0]), "update: column k of X0")
-    change = named(column.outer(column.scaled(if_missed)), "update: what k adds to X0")
+    if_missed = named(column.scaled(missed.as_matrix()), "update: the same, if k is missed")
+    over = named(if_missed.scaled(pivot), "update: that over X0[k,k]")
+    change = named(column.outer(over), "update: what k adds to X0")
     X = named(X - change, "update: X0 without k, if missed")
     turn = m.c("turn_m", turning_up(size, m.model.m))
     return {
@@ -100,9 +101,11 @@ def _of_valid(model: Matrices, X: Anything, V: Anything, correlated: Sequence[in
     for k in correlated:
         unit = model.c(f"e{k}", np.eye(size)[k])
         pivot = named(X.picked(k), f"update: X0[{k},{k}]").alone(Opcode.RECIP, (1, 1))
-        if_missed = named(pivot.scaled(missed.picked(k)), f"update: 1 / X0[{k},{k}], if {k} is missed")
+        named(pivot, f"update: 1 / X0[{k},{k}]")
         column = named(X @ unit, f"update: column {k} of X0")
-        change = column.outer(named(column.scaled(if_missed), f"update: the same over X0[{k},{k}]"))
+        # The flag comes in while the reciprocal is found.
+        if_missed = named(column.scaled(missed.picked(k)), f"update: the same, if {k} is missed")
+        change = column.outer(named(if_missed.scaled(pivot), f"update: that over X0[{k},{k}]"))
         X = named(X - named(change, f"update: what {k} adds to X0"), f"update: X0 without {k}, if missed")
     return _cleared(model, X, V)
 
