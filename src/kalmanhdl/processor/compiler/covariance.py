@@ -69,26 +69,30 @@ def gained(
 
     Measurements are taken in units in which S is near one, where it and its inverse have the most digits.
     """
-    found = observed(model, {"x": x, "P": P}, z, V)
+    found = observed(model, {"x": x, "P": P}, V)
     found["K"] = named(by_inverse(found["PHt"], found["S"]), "update: K")
-    kept = by_gain(model, found, joseph=joseph)
+    kept = by_gain(model, {**found, "y": innovation(model, x, z)}, joseph=joseph)
     return kept["x"], kept["P"]
 
 
-def observed(model: Matrices, prior: Kept, z: Anything, V: Anything) -> dict[str, Anything]:
-    """x and P with what a gain is made of: H of what is valid, P H', S, and y in its units."""
+def observed(model: Matrices, prior: Kept, V: Anything) -> dict[str, Anything]:
+    """x and P with what a gain is made of: H of what is valid, P H' and S."""
     D, x, P = near_one(model.model), prior["x"], prior["P"]
     H = named(model.c("H_D", D @ model.model.H).rows_where(V), "update: H of what is valid")
     HP = named(H @ P, "update: H P")
     PHt = named(HP.transposed(), "update: P H'")
     S = named(_noise(model, V, D).plus(HP, H), "update: S")
+    return {"x": x, "P": P, "HV": H, "PHt": PHt, "S": S}
+
+
+def innovation(model: Matrices, x: Anything, z: Anything) -> Anything:
+    """What x does not explain of z, in the units of S."""
     y = named(measured(model, z).minus(model.H, x), "update: y")
-    y = named(model.c("D", D) @ y, "update: y in its units")
-    return {"x": x, "P": P, "HV": H, "PHt": PHt, "S": S, "y": y}
+    return named(model.c("D", near_one(model.model)) @ y, "update: y in its units")
 
 
 def by_gain(model: Matrices, found: Kept, *, joseph: bool) -> Kept:
-    """The new x and P, by the gain K and what ``observed`` found."""
+    """The new x and P, by the gain K, the innovation y and what ``observed`` found."""
     x, P, K, H = (found[name] for name in ("x", "P", "K", "HV"))
     x = named(x.plus(K, found["y"]), "update: x")
     if not joseph:
@@ -143,8 +147,11 @@ def sweeping(model: LinearModel, size: int, *, joseph: bool) -> tuple[Stage, ...
         inverse = named(m.c("zero", np.zeros((size, size))) - kept["S"], "update: S^-1")
         return by_gain(m, {**kept, "K": named(kept["PHt"] @ inverse, "update: K")}, joseph=joseph)
 
+    def begun(m: Matrices, kept: Kept, given: Given) -> Kept:
+        return {**observed(m, kept, given.V), "y": innovation(m, kept["x"], given.z)}
+
     return (
-        Stage(name="update", work=lambda m, kept, given: observed(m, kept, given.z, given.V)),
+        Stage(name="update", work=begun),
         Stage(name="sweeps", work=_next_sweep, times=model.m),
         Stage(name="gain", work=gain),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from kalmanhdl.graph.linear_algebra import blocks
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.processor.compiler.covariance import by_gain, observed
+from kalmanhdl.processor.compiler.covariance import by_gain, innovation, observed
 from kalmanhdl.processor.compiler.graph import named
 from kalmanhdl.processor.compiler.recipe import Anything, Given, Kept, Matrices, Stage, near_one
 from kalmanhdl.processor.compiler.turning import turning_up
@@ -61,10 +61,11 @@ def leaving_out(model: LinearModel, S0: Any, newton: int) -> tuple[Stage, ...] |
         return {**kept, "X0": m.c("X0_all", _inverse(m, S0, size)), "missed": flags}
 
     def gain(m: Matrices, kept: Kept, given: Given) -> Kept:
-        found = observed(m, kept, given.z, given.V)
+        found = observed(m, kept, given.V)
         X0 = _cleared(m, kept["X0"], given.V)
         K = named(found["PHt"] @ _expanded(m, X0, found["S"], newton), "update: K")
-        return by_gain(m, {**found, "K": K}, joseph=True)
+        y = innovation(m, kept["x"], given.z)
+        return by_gain(m, {**found, "K": K, "y": y}, joseph=True)
 
     return (
         Stage(name="update", work=begun),
