@@ -37,14 +37,6 @@ def test_the_program_computes_what_the_engine_does(programs, name):
     assert not engine.saturated
 
 
-@pytest.mark.slow
-def test_programs_that_leave_matrices_as_they_find_them_are_verified():
-    """Constants are read in loops that turn what a matrix had before; both begin with the same."""
-    found = figures(steps=10, place=False)
-    assert found.placed is None
-    assert found.values > 100_000
-
-
 def test_the_table_has_the_paper_s_rows_and_those_of_the_core(programs):
     placed = Implementation(
         device="ecp5-85k",
