@@ -31,8 +31,10 @@ class DataStore(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         shape = matrix_layout(self._core).elem_shape
+        # Addresses that come late in the clock reach a block a bank, not tables in logic by the hundred.
+        attributes = {"ram_style": "block"} if self._reads > 1 else {}
         for element in range(self._core.elements):
-            bank = Memory(shape=shape, depth=self._core.matrices, init=[])
+            bank = Memory(shape=shape, depth=self._core.matrices, init=[], attrs=attributes)
             m.submodules[bank_name(self._core, element)] = bank
             write = bank.write_port()
             m.d.comb += [
