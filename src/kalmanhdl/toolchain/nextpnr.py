@@ -21,9 +21,9 @@ from kalmanhdl.toolchain.yowasp import NEXTPNR_ECP5, ensure_warm, version
 
 _KIND = "nextpnr"
 _REPORT = "report.json"
-# Of LUTs and carries together. In larger cores the usual router rips up as much as it lays, for hours; the
-# one that negotiates ends, and the placer beside it leaves wires a fifth shorter.
-_LARGE = 15_000
+# Of LUTs and carries together. In larger cores the usual router rips up far more than it lays; the one that
+# negotiates ends, and the placer beside it leaves wires a fifth shorter.
+_LARGE = 13_000
 _FOR_LARGE = ("--placer", "static", "--router", "router2")
 
 
