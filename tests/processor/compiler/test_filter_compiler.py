@@ -1,6 +1,7 @@
 """Filters compiled to programs: engine and simulator agree on every bit, and both follow the reference."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,11 +127,6 @@ def followed(model, algorithm, z):
 )
 def test_a_compiled_filter_is_the_engine_and_follows_the_reference(model, core, algorithm):
     inverts = algorithm.kind in ("conventional", "joseph") and model.m > 1
-    correlated = np.any(model.R - np.diag(np.diag(model.R)))
-    if correlated and algorithm.kind in ("sequential", "bierman_thornton"):
-        with pytest.raises(ProgramError, match=r'use "(joseph|conventional)"'):
-            traced(model, algorithm, core.size)
-        return
     z = measurements(model)
     if algorithm.kind == "taylor":
         # Behind a longer gap the expansion diverges, in double precision too.
@@ -173,8 +169,6 @@ def test_controls_move_the_mean(algorithm):
     ids=["position", "two of three", "two tracks", "all of three", "four of four, pipelined"],
 )
 def test_loops_in_a_program_do_the_same(model, core, algorithm):
-    if np.any(model.R - np.diag(np.diag(model.R))) and algorithm.kind in ("sequential", "bierman_thornton"):
-        pytest.skip("no program for correlated measurements")
     z = measurements(model)[:45]
     if algorithm.kind == "taylor":
         z[33:36] = z[32]
@@ -187,6 +181,24 @@ def test_loops_in_a_program_do_the_same(model, core, algorithm):
     np.testing.assert_allclose(reals[:, : model.n], x[running], atol=2e-2 if inverts else 2e-3)
     variances = P[running][:, range(model.n), range(model.n)]
     np.testing.assert_allclose(reals[:, model.n :], variances, atol=5e-2 if inverts else 1e-2)
+
+
+@pytest.mark.parametrize("short", [False, True], ids=["fast", "loops"])
+@pytest.mark.parametrize("algorithm", [Sequential(), BiermanThornton()], ids=lambda a: a.kind)
+def test_measurements_in_correlated_groups_are_taken_one_by_one_whatever_is_missed(algorithm, short):
+    R = np.array([[1.0, 0, 0.8, 0], [0, 0.5, 0, -0.3], [0.8, 0, 2.0, 0], [0, -0.3, 0, 0.4]])
+    model = replace(MIXED, R=R)
+    z = measurements(model, 48)
+    z[12:28] += 3.0
+    for missed in range(16):
+        z[12 + missed, [bool(missed >> k & 1) for k in range(4)]] = np.nan
+    filter_ = traced(model, algorithm, 4, short=short)
+    got, wanted = outputs(filter_, OVERLAPPING, z, Machine(OVERLAPPING, BenchSource(()), BenchSink()))
+    np.testing.assert_array_equal(got, wanted)
+    x, P, _ = followed(model, algorithm, z)
+    np.testing.assert_allclose(got[:, :4] * 2.0**-18, x, atol=2e-4)
+    variances = P[:, range(4), range(4)]
+    np.testing.assert_allclose(got[:, 4:] * 2.0**-18, variances, atol=2e-4)
 
 
 def dense(n, m):

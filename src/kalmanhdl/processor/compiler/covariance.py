@@ -1,12 +1,16 @@
 """Filters that keep the covariance, on whole matrices."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.processor.compiler.correlation import (
+    correlated,
+    decorrelated,
+    decorrelating,
+    noise_of_valid,
+)
 from kalmanhdl.processor.compiler.graph import named
 from kalmanhdl.processor.compiler.recipe import (
     Anything,
@@ -81,7 +85,7 @@ def observed(model: Matrices, prior: Kept, V: Anything) -> dict[str, Anything]:
     H = named(model.c("H_D", D @ model.model.H).rows_where(V), "update: H of what is valid")
     HP = named(H @ P, "update: H P")
     PHt = named(HP.transposed(), "update: P H'")
-    S = named(_noise(model, V, D).plus(HP, H), "update: S")
+    S = named(noise_of_valid(model, V, D).plus(HP, H), "update: S")
     return {"x": x, "P": P, "HV": H, "PHt": PHt, "S": S}
 
 
@@ -102,22 +106,6 @@ def by_gain(model: Matrices, found: Kept, *, joseph: bool) -> Kept:
     KR = named(K @ model.c("R_D", D @ model.model.R @ D), "update: K R")
     noise = named(KR @ K.T, "update: K R K'")
     return {"x": x, "P": named(noise.plus(named(A @ P, "update: A P"), A), "update: P")}
-
-
-def _noise(model: Matrices, V: Anything, D: Any) -> Anything:
-    """R in its units, and one on the rest of the diagonal, so that S is a matrix of the core with an inverse.
-
-    Where R is no diagonal it is V R V + I - V, so that a missed measurement has no part in the others.
-    """
-    R, size = D @ model.model.R @ D, V.builder.size
-    if not np.any(R - np.diag(np.diag(R))):
-        whole = np.eye(size)
-        whole[: len(R), : len(R)] = R
-        return model.c("R_D", whole)
-    rows = named(model.c("R_D", R).rows_where(V), "update: V R")
-    valid = named(named(rows.transposed(), "update: R V").rows_where(V), "update: V R V")
-    missed = named(model.c("I", np.eye(size)) - V, "update: I - V")
-    return named(valid + missed, "update: R of what is valid")
 
 
 def inverted(model: Matrices, size: int) -> Callable[[Anything, Anything], Anything]:
@@ -192,15 +180,22 @@ def _swept(model: Matrices, S: Anything) -> Anything:
 def sequential(
     model: Matrices, x: Anything, P: Anything, z: Anything, V: Anything
 ) -> tuple[Anything, Anything]:
-    """A scalar update for each measurement."""
+    """A scalar update for each measurement; their errors are taken apart first, where R is no diagonal."""
     linear = model.model
-    z = measured(model, z)
+    if correlated(linear):
+        H, z, R = decorrelated(model, Given(z=z, V=V, u=None), near_one(linear))
+    else:
+        z = measured(model, z)
     for j in range(linear.m):
         only = np.diag(np.eye(linear.m)[j])
-        h = named(model.c(f"H{j}", only @ linear.H).rows_where(V), f"update {j}: h, if valid")
+        if correlated(linear):
+            h, r = named(model.c(f"E{j}", only) @ H, f"update {j}: h"), R
+        else:
+            h = named(model.c(f"H{j}", only @ linear.H).rows_where(V), f"update {j}: h, if valid")
+            r = model.c(f"R{j}", only @ linear.R)
         hP = named(h @ P, f"update {j}: h P")
         Ph = named(hP.transposed(), f"update {j}: P h'")
-        S = named(model.c(f"R{j}", only @ linear.R).plus(hP, h), f"update {j}: s")
+        S = named(r.plus(hP, h), f"update {j}: s")
         K = named(_over(Ph, S, j), f"update {j}: K")
         y = named(z.minus(h, x), f"update {j}: y")
         x = named(x.plus(K, y), f"update {j}: x")
@@ -209,15 +204,16 @@ def sequential(
 
 
 def sequential_stages(model: LinearModel) -> tuple[Stage, ...]:
-    """The stages of a sequential update, a pass for each measurement.
+    """The stages of a sequential update, a pass for each measurement."""
+    scale = near_one(model) if correlated(model) else np.eye(model.m)
+    first = decorrelating(model, scale) if correlated(model) else ()
 
-    Raises ProgramError where they are correlated.
-    """
-    if np.any(model.R - np.diag(np.diag(model.R))):
-        raise ProgramError('[algorithm] "sequential" needs a diagonal R here: use "conventional"')
-    one = np.eye(model.m)
+    def begun(m: Matrices, kept: Kept, given: Given) -> Kept:
+        return {"x": kept["x"], "P": kept["P"], **measurements(m, kept, given, scale)}
+
     return (
-        Stage(name="update", work=lambda m, kept, given: {**kept, **measurements(m, given, one)}),
+        *first,
+        Stage(name="scalars" if first else "update", work=begun),
         Stage(name="measurements", work=_next_scalar, times=model.m),
     )
 

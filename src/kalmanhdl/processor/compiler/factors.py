@@ -11,6 +11,7 @@ import numpy as np
 from kalmanhdl.algorithm.bierman_thornton import factors, vanishing_variances
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.processor.compiler.correlation import correlated, decorrelated, decorrelating
 from kalmanhdl.processor.compiler.graph import Array, named
 from kalmanhdl.processor.compiler.recipe import (
     Anything,
@@ -19,21 +20,15 @@ from kalmanhdl.processor.compiler.recipe import (
     Matrices,
     Recipe,
     Stage,
-    measured,
     near_one,
     predicted_mean,
 )
-from kalmanhdl.processor.compiler.turning import first_of, measurements, moved_on
+from kalmanhdl.processor.compiler.turning import first_of, in_units, measurements, moved_on
 from kalmanhdl.processor.instructions import Opcode
 
 
 def factored(model: LinearModel) -> Recipe:
-    """The filter of a model whose R is diagonal and whose variances of D never vanish.
-
-    Raises ProgramError for others.
-    """
-    if np.any(model.R - np.diag(np.diag(model.R))):
-        raise ProgramError('[algorithm] "bierman_thornton" needs a diagonal R here: use "joseph"')
+    """The filter of a model whose variances of D never vanish. Raises ProgramError for others."""
     gone = vanishing_variances(model)
     if gone:
         names = ", ".join(model.state_names[k] for k in sorted(gone))
@@ -78,10 +73,9 @@ def _stages(model: LinearModel) -> tuple[tuple[Stage, ...], tuple[Stage, ...]]:
     """A pass for each row of F U, and one for each measurement."""
     rows = Stage(name="rows", work=_next_row, times=model.n)
     each = Stage(name="measurements", work=_next_measurement, times=model.m)
-    return (Stage(name="step", work=_rows_begun), rows), (
-        Stage(name="update", work=_measurements_begun),
-        each,
-    )
+    first = decorrelating(model, near_one(model)) if correlated(model) else ()
+    begun = Stage(name="scalars" if first else "update", work=_measurements_begun)
+    return (Stage(name="step", work=_rows_begun), rows), (*first, begun, each)
 
 
 def _predicted(m: Matrices, kept: Kept, given: Given) -> Kept:
@@ -176,7 +170,7 @@ def _measurements_begun(m: Matrices, kept: Kept, given: Given) -> Kept:
     """What the passes over measurements begin with."""
     return {
         **{name: kept[name] for name in ("x", "L", "d")},
-        **measurements(m, given, near_one(m.model)),
+        **measurements(m, kept, given, near_one(m.model)),
     }
 
 
@@ -191,16 +185,20 @@ def _next_measurement(m: Matrices, kept: Kept, given: Given) -> Kept:
 
 def _updated(m: Matrices, kept: Kept, given: Given) -> Kept:
     """Bierman: one measurement after the other, in units in which the settled innovations are near one."""
-    model = m.model
-    scale = near_one(model)
-    H = named(m.c("H_D", scale @ model.H).rows_where(given.V), "update: H of what is valid")
+    model, scale = m.model, near_one(m.model)
+    if correlated(model):
+        H, z, R = decorrelated(m, given, scale)
+        ones = m.c("ones", np.ones(model.n))
+        noises = [named(ones.scaled(R.picked(j)), f"update {j}: r everywhere") for j in range(model.m)]
+    else:
+        H, z = in_units(m, given, scale)
+        r = np.diag(scale @ model.R @ scale)
+        noises = [m.c(f"r{j}", np.full(model.n, r[j])) for j in range(model.m)]
     rows = named(H.transposed(), "update: H' of what is valid")
-    z = named(m.c("D", scale) @ measured(m, given.z), "update: z in its units")
     found: Kept = kept
-    for j in range(model.m):
+    for j, noise in enumerate(noises):
         h = named(rows @ _unit(m, j, rows), f"update {j}: h")
         y = named(z.minus(H, found["x"]), f"update {j}: y")
-        noise = m.c(f"r{j}", np.full(model.n, (scale @ model.R @ scale)[j, j]))
         found = _by_one(m, found, h, y, j, noise, f"update {j}")
     return found
 

@@ -15,12 +15,26 @@ def turning_up(size: int, count: int) -> Any:
     return turn
 
 
-def measurements(m: Matrices, given: Given, scale: Any) -> Kept:
-    """H of what is valid, z and the diagonal of R, in the units that the diagonal ``scale`` makes."""
+def measurements(m: Matrices, kept: Kept, given: Given, scale: Any) -> Kept:
+    """H of what is valid, z and the diagonal of R, in the units that the diagonal ``scale`` makes.
+
+    Where R was no diagonal, what ``correlation.decorrelating`` left of all three.
+    """
     model = m.model
-    H = named(m.c("H_scaled", scale @ model.H).rows_where(given.V), "update: H of what is valid")
-    z = named(m.c("scale", scale) @ measured(m, given.z), "update: z in its units")
+    if "R_left" in kept:
+        ones = m.c("ones_m", np.ones(model.m))
+        return {
+            **{name: kept[name] for name in ("H_row", "z_row")},
+            "r_row": named(kept["R_left"] @ ones, "update: variances of the errors"),
+        }
+    H, z = in_units(m, given, scale)
     return {"H_row": H, "z_row": z, "r_row": m.c("r", np.diag(scale @ model.R @ scale))}
+
+
+def in_units(m: Matrices, given: Given, scale: Any) -> tuple[Anything, Anything]:
+    """H of what is valid and z, in the units that the diagonal ``scale`` makes."""
+    H = named(m.c("H_D", scale @ m.model.H).rows_where(given.V), "update: H of what is valid")
+    return H, named(m.c("D", scale) @ measured(m, given.z), "update: z in its units")
 
 
 def first_of(m: Matrices, kept: Kept) -> tuple[Anything, Anything]:
