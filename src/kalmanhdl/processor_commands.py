@@ -169,7 +169,7 @@ def compile_filter(
     from kalmanhdl.report.processor_document import off_reference
 
     check_folder(out, force=force)
-    core = _core(width, fraction, rounding, overflow, size, multipliers)
+    core = _core(width, fraction, rounding, overflow, size, multipliers, functions=False)
     chosen = Design.load(design)
     filter_ = fitting(chosen.model, chosen.algorithm, core)
     model = filter_.model
@@ -207,9 +207,13 @@ def _core(
     overflow: str = "saturate",
     size: int = 3,
     multipliers: int = 0,
+    *,
+    functions: bool = True,
 ) -> "Core":
+    """``functions``: with all of them."""
     from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
     from kalmanhdl.processor.core import Core
+    from kalmanhdl.processor.instructions import FUNCTIONS
 
     for name, value, kind in (("--rounding", rounding, Rounding), ("--overflow", overflow, Overflow)):
         if value not in [each.value for each in kind]:
@@ -224,6 +228,7 @@ def _core(
         extended=True,
         size=size,
         units=multipliers // size,
+        functions=FUNCTIONS if functions else (),
     )
 
 

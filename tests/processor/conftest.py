@@ -3,7 +3,9 @@
 import pytest
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.core import PAPER_CORE, Core
+from kalmanhdl.processor.instructions import FUNCTIONS
 from kalmanhdl.processor.rtl_simulation import RtlSimulation
 from kalmanhdl.processor.verilog import core_verilog
 
@@ -16,6 +18,24 @@ CORES = {
         overflow=Overflow.WRAP,
         size=2,
         extended=True,
+    ),
+    "functions": Core(
+        form=Fixed(width=12, fraction=8),
+        overflow=Overflow.WRAP,
+        matrices=64,
+        program_words=256,
+        size=2,
+        extended=True,
+        functions=FUNCTIONS,
+    ),
+    "pipelined, functions": Core(
+        form=Fixed(width=16, fraction=10),
+        matrices=64,
+        program_words=256,
+        size=2,
+        extended=True,
+        units=2,
+        functions=(Function.SINE, Function.COSINE, Function.SQUARE_ROOT, Function.EXPONENTIAL),
     ),
     "pipelined, N^2": Core(
         form=Fixed(width=16, fraction=9), matrices=64, program_words=256, extended=True, units=3

@@ -1,6 +1,7 @@
 """Sources become words: appendix B word for word, and one message for every wrong source."""
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from kalmanhdl.errors import KalmanhdlError, ProgramError
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.core import PAPER_CORE, Core, checked
 from kalmanhdl.processor.disassembler import disassemble
-from kalmanhdl.processor.instructions import PAPER, Opcode, decode, encode
+from kalmanhdl.processor.instructions import FUNCTIONS, PAPER, Opcode, build, decode, encode
 from kalmanhdl.processor.program import image, listing, read_image
 
 HERE = Path(__file__).parent
@@ -45,6 +46,36 @@ def test_the_codes_are_the_papers():
         "JUMP_DRDY": 0x15,
         "JUMP_ACK": 0x16,
     }
+
+
+def test_a_function_is_a_word_or_its_number():
+    core = Core(form=Fixed(width=16, fraction=8), extended=True, functions=FUNCTIONS)
+    program = assemble("FUNC X sine Y\nFUNC X 5 Y\nHALT\n.data\nX:\nY:", core)
+    assert [word >> 27 for word in program.words[:2]] == [0x1E, 0x1E]
+    text = disassemble(program.words, core)
+    assert [line.split() for line in text.splitlines()[1:3]] == [
+        ["FUNC", "0", "sine", "1"],
+        ["FUNC", "0", "arctangent", "1"],
+    ]
+    assert assemble(text, core).words == program.words
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("FUNC 0 cosine 1", r"column 8: the core has no function 'cosine': .*sine"),
+        ("FUNC 0 1 1", r"column 8: the core has no function 1: it has sine \(0\)"),
+    ],
+)
+def test_a_function_that_the_core_has_not_is_refused(source, message):
+    core = Core(form=Fixed(width=16, fraction=8), extended=True, functions=FUNCTIONS[:1])
+    with pytest.raises(ProgramError, match=message):
+        assemble(source, core)
+    with pytest.raises(ProgramError, match="FUNC: the core is built without functions"):
+        assemble(source, replace(core, functions=()))
+    words = (encode(build(Opcode.FUNC, 0, 1, 1)),)
+    with pytest.raises(ProgramError, match=r"address 0: FUNC: function is 1: the core has sine \(0\)"):
+        checked(words, core)
 
 
 def test_tables_3_to_6_of_the_paper():

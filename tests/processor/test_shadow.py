@@ -17,13 +17,13 @@ from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.compiler.generate import compiled, rows_read, tokens
 from kalmanhdl.processor.core import Core, writes
 from kalmanhdl.processor.fit import fitted
-from kalmanhdl.processor.instructions import OPERATIONS, Kind, Opcode, build
+from kalmanhdl.processor.instructions import FUNCTIONS, OPERATIONS, Kind, Opcode, build
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.reference_steps import reference_steps
 from kalmanhdl.processor.shadow import Shadow, real_result
 from kalmanhdl.processor.simulator import Machine, run
 
-CORE = Core(form=Fixed(width=32, fraction=20), extended=True)
+CORE = Core(form=Fixed(width=32, fraction=20), extended=True, functions=FUNCTIONS)
 ARITHMETIC = [each for each in OPERATIONS.values() if each.operands[-1:] == (DESTINATION,)]
 MATRIX = st.lists(st.integers(-(1 << 22), 1 << 22), min_size=9, max_size=9)
 ALTITUDE = """
@@ -49,7 +49,8 @@ kind = "processor"
 @settings(max_examples=20)
 @given(MATRIX, MATRIX, MATRIX, st.integers(0, 8))
 def test_an_instruction_without_rounding_is_what_it_is_within_a_last_bit(operation, a, b, c, element):
-    operands = {Kind.ELEMENT: element, Kind.EXPONENT: element - 6, Kind.MATRIX: 0}
+    function = element % len(FUNCTIONS)
+    operands = {Kind.ELEMENT: element, Kind.EXPONENT: element - 6, Kind.FUNCTION: function, Kind.MATRIX: 0}
     instruction = build(operation.opcode, *(operands[each.kind] for each in operation.operands))
     raws, outside = compute(instruction, a, b, CORE, c)
     reals = [np.array([float(CORE.form.real(raw)) for raw in each]) for each in (a, b, c)]

@@ -1,16 +1,19 @@
 """What the instructions do, against exact rationals and against the paper's protocol."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from function_graphs import exact
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.arithmetic import compute
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.core import PAPER_CORE, Core
-from kalmanhdl.processor.instructions import Instruction, Opcode, build
+from kalmanhdl.processor.instructions import FUNCTIONS, Instruction, Opcode, build
 from kalmanhdl.processor.peripherals import BenchSink, BenchSource, HandshakingSink, HandshakingSource
 from kalmanhdl.processor.simulator import Machine, run
 from kalmanhdl.processor.trace import dump, trace_line
@@ -93,6 +96,22 @@ def test_a_reciprocal_is_right_to_the_last_bit(raw):
         exact = Fraction(2) ** 16 / raw
         assert abs(values[0] - min(exact, CORE.form.highest)) <= 1
         assert outside == (round(exact) > CORE.form.highest)
+
+
+@given(st.sampled_from(FUNCTIONS), RAW, RAW)
+def test_a_function_is_right_to_the_last_bit_and_told_where_it_does_not_fit(function, a, b):
+    core = replace(CORE, functions=FUNCTIONS)
+    instruction = build(Opcode.FUNC, 0, FUNCTIONS.index(function), 0)
+    (value,), outside = compute(instruction, [a, b, *[7] * 7], [], core)
+    one = 1 << core.form.fraction
+    wanted = exact(function, Fraction(a, one), Fraction(b, one)) * one
+    assert core.form.lowest <= value <= core.form.highest
+    off = float(abs(value - min(wanted, core.form.highest)))
+    if function in (Function.ARCTANGENT, Function.WRAP):
+        # Half a turn to either side is the same angle.
+        off = min(off, abs(off - one))
+    assert off <= 1.0
+    assert outside == (value == core.form.highest and wanted > core.form.highest)
 
 
 def test_loops_in_loops_are_passed_as_often_as_they_say():

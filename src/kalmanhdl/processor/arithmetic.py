@@ -6,7 +6,8 @@ from operator import mul
 from kalmanhdl.arithmetic.division import reciprocal
 from kalmanhdl.arithmetic.fixed import quantise
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import Instruction, Opcode
+from kalmanhdl.processor.functions import function_value
+from kalmanhdl.processor.instructions import FUNCTIONS, Instruction, Opcode
 
 Matrix = Sequence[int]
 """The raw elements of a matrix, row after row."""
@@ -37,6 +38,9 @@ def compute(
         # The divisors of a filter are variances: of what is not positive the result is that of zero.
         form, divisor = core.form, a[instruction.arguments[1]]
         value, outside = reciprocal(max(divisor, 0), form.fraction, form, core.rounding, core.division)
+        return [value], outside
+    if instruction.opcode is Opcode.FUNC:
+        value, outside = function_value(core, FUNCTIONS[instruction.arguments[1]], a[0], a[1])
         return [value], outside
     moved = _moved(instruction, a, b, core)
     if moved is not None:

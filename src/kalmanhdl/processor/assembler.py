@@ -12,8 +12,16 @@ from enum import Enum
 from typing import NoReturn
 
 from kalmanhdl.errors import ProgramError
-from kalmanhdl.processor.core import Core, checked, missing
-from kalmanhdl.processor.instructions import OPERATIONS, WORD_BITS, Kind, Operation, build, encode
+from kalmanhdl.processor.core import Core, checked, functions_of, missing
+from kalmanhdl.processor.instructions import (
+    FUNCTIONS,
+    OPERATIONS,
+    WORD_BITS,
+    Kind,
+    Operation,
+    build,
+    encode,
+)
 from kalmanhdl.processor.program import Program
 from kalmanhdl.validation import nearest, shown
 
@@ -176,7 +184,7 @@ def _word(statement: _Statement, assembly: _Assembly) -> int:
     if operation is None:
         assembly.refuse(head, f"unknown instruction {shown(head.text)}: {nearest(head.text, OPERATIONS)}")
     if not assembly.core.has(operation.opcode):
-        assembly.refuse(head, f"{operation.opcode.name}: {missing(assembly.core)}")
+        assembly.refuse(head, f"{operation.opcode.name}: {missing(operation.opcode, assembly.core)}")
     wanted = operation.operands
     if len(operands) != len(wanted):
         place = operands[len(wanted)] if len(operands) > len(wanted) else head
@@ -207,9 +215,20 @@ def _value(token: _Token, kind: Kind, assembly: _Assembly) -> int:
     if _NUMBER.match(token.text):
         value, allowed = _number(token), assembly.core.allowed(kind)
         if value not in allowed:
-            assembly.refuse(token, f"{kind.value} {value} is outside {allowed.start} to {allowed.stop - 1}")
+            if kind is Kind.FUNCTION:
+                assembly.refuse(
+                    token, f"the core has no function {value}: it has {functions_of(assembly.core)}"
+                )
+            assembly.refuse(token, f"{kind.value} {value} is outside {allowed[0]} to {allowed[-1]}")
         return value
     return _named(token, kind, assembly)
+
+
+def _function(token: _Token, assembly: _Assembly) -> int:
+    words = {each.value: FUNCTIONS.index(each) for each in assembly.core.functions}
+    if token.text not in words:
+        assembly.refuse(token, f"the core has no function {shown(token.text)}: {nearest(token.text, words)}")
+    return words[token.text]
 
 
 def _named(token: _Token, kind: Kind, assembly: _Assembly) -> int:
@@ -220,8 +239,10 @@ def _named(token: _Token, kind: Kind, assembly: _Assembly) -> int:
             names, others, section = assembly.labels, assembly.matrices, _Section.TEXT
         case Kind.ELEMENT | Kind.COUNT | Kind.EXPONENT:
             allowed = assembly.core.allowed(kind)
-            rule = f"write {allowed.start} to {allowed.stop - 1}"
+            rule = f"write {allowed[0]} to {allowed[-1]}"
             assembly.refuse(token, f"{shown(token.text)} is no {kind.value}: {rule}")
+        case Kind.FUNCTION:
+            return _function(token, assembly)
     if token.text in others:
         assembly.refuse(token, f"{token.text} is no {kind.value}: what is one is defined in {section.value}")
     if token.text not in names:

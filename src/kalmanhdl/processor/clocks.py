@@ -4,10 +4,18 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import Instruction, Opcode
 from kalmanhdl.processor.peripherals import Sink, Source
-from kalmanhdl.processor.timing import FRONT_CLOCKS, JUMP_CLOCKS, QUEUE, latency, passes, sources
+from kalmanhdl.processor.timing import (
+    FRONT_CLOCKS,
+    JUMP_CLOCKS,
+    QUEUE,
+    clocks_of_instruction,
+    latency,
+    passes,
+    sources,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +86,10 @@ class Clocks(Protocol):
 
 @dataclass(slots=True)
 class EightClocks:
-    """Every instruction takes eight clocks, and effect in the last of them; the jumps look in the seventh."""
+    """Every instruction takes eight clocks, and effect in the last of them; the jumps look in the seventh.
+
+    FUNC takes eight as often as it needs.
+    """
 
     core: Core
     clock: int = 0
@@ -88,10 +99,11 @@ class EightClocks:
     data_out: int = 0
     saturated: bool = False
     _waited_for: tuple[bool, bool] = (False, False)
+    _began: int = 0
 
     def reset(self) -> list[Retired]:
         """Nothing is ever on its way."""
-        self.clock = self.data_out = 0
+        self.clock = self.data_out = self._began = 0
         self.acknowledge = self.ready = self.saturated = False
         return []
 
@@ -100,8 +112,8 @@ class EightClocks:
         return source.exhausted
 
     def reach(self, instruction: Instruction, source: Source, sink: Sink) -> bool:
-        """Up to the last of the eight."""
-        left = CLOCKS_PER_INSTRUCTION - 1 - self.clock % CLOCKS_PER_INSTRUCTION
+        """Up to its last clock."""
+        left = self._began + clocks_of_instruction(instruction.opcode, self.core) - 1 - self.clock
         if left:
             self._pass(left - 1, source, sink)
             self._waited_for = source.ready, sink.taken
@@ -118,6 +130,7 @@ class EightClocks:
             flags = (self.acknowledge, self.ready, source.ready, sink.taken, self.saturated)
             self.events.append(Event(done.clock, flags, self.data_out, done, done if done.elements else None))
         self._pass(1, source, sink)
+        self._began = self.clock
         self.saturated |= done.saturated
         match done.instruction.opcode:
             case Opcode.READ:

@@ -1,13 +1,16 @@
 """What a core of the processor is built for: its parameters, and what they allow a program."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.instructions import (
     ARGUMENT_BITS,
     EXTENSION,
+    FUNCTIONS,
     VECTORS,
     Instruction,
     Kind,
@@ -36,7 +39,8 @@ class Core:
 
     Every element of a result is computed exactly and brought into the format once, with this rounding and
     overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store. An
-    ``extended`` core has more instructions than the paper's eleven. ``units`` is how many sums of N products
+    ``extended`` core has more instructions than the paper's eleven, and these ``functions`` of FUNC, in their
+    order. ``units`` is how many sums of N products
     it computes in a clock, on N multipliers each: with any its instructions overlap (``timing.py``), with
     none each takes the paper's eight clocks.
 
@@ -51,6 +55,7 @@ class Core:
     size: int = 3
     extended: bool = False
     units: int = 0
+    functions: tuple[Function, ...] = ()
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= _LARGEST:
@@ -66,6 +71,10 @@ class Core:
                 f"core: units = {self.units}: a pipelined core computes 1 to {self.elements} elements "
                 f"a clock, on {self.size} multipliers each; 0 for eight clocks an instruction"
             )
+        if self.functions != tuple(each for each in FUNCTIONS if each in self.functions):
+            raise ProgramError("core: functions: each one once, in the order of their numbers")
+        if self.functions and not self.extended:
+            raise ProgramError("core: functions: they are for an extended core")
         for name in ("matrices", "program_words"):
             size = getattr(self, name)
             if not 2 <= size <= _MOST_ADDRESSES or size & (size - 1):
@@ -113,9 +122,11 @@ class Core:
 
     def has(self, opcode: Opcode) -> bool:
         """Whether it has an instruction."""
+        if opcode is Opcode.FUNC:
+            return bool(self.functions)
         return (self.extended or opcode not in _ADDED) and (self.size == 3 or opcode not in _OF_THREE)
 
-    def allowed(self, kind: Kind) -> range:
+    def allowed(self, kind: Kind) -> Sequence[int]:
         """What an operand of a kind may be."""
         match kind:
             case Kind.MATRIX:
@@ -128,6 +139,8 @@ class Core:
                 return range(1, _MOST_ADDRESSES)
             case Kind.EXPONENT:
                 return self.exponents
+            case Kind.FUNCTION:
+                return tuple(FUNCTIONS.index(each) for each in self.functions)
 
 
 PAPER_CORE = Core(form=Fixed(width=8, fraction=4), rounding=Rounding.FLOOR, overflow=Overflow.WRAP)
@@ -156,28 +169,31 @@ def _checked(address: int, word: int, core: Core) -> Instruction:
         raise ProgramError(f"address {address}: {error}") from None
     name = instruction.opcode.name
     if not core.has(instruction.opcode):
-        raise ProgramError(f"address {address}: {name}: {missing(core)}")
+        raise ProgramError(f"address {address}: {name}: {missing(instruction.opcode, core)}")
     for operand, value in zip(instruction.operation.operands, instruction.operands, strict=True):
         allowed = core.allowed(operand.kind)
         if value not in allowed:
             raise ProgramError(
-                f"address {address}: {name}: {operand.name} is {value}: {_rule(operand.kind, allowed)}"
+                f"address {address}: {name}: {operand.name} is {value}: {_rule(operand.kind, core)}"
             )
     return instruction
 
 
-def missing(core: Core) -> str:
+def missing(opcode: Opcode, core: Core) -> str:
     """Why a core lacks an instruction."""
+    if core.extended and opcode is Opcode.FUNC:
+        return "the core is built without functions"
     if core.extended:
         return f"it is for matrices of 3 by 3, and the core's are {core.size} by {core.size}"
     return "the core has the paper's instructions alone: take an extended one"
 
 
-def _rule(kind: Kind, allowed: range) -> str:
-    first, last = allowed.start, allowed.stop - 1
+def _rule(kind: Kind, core: Core) -> str:
+    allowed = core.allowed(kind)
+    first, last = allowed[0], allowed[-1]
     match kind:
         case Kind.MATRIX:
-            return f"the data store has {allowed.stop} matrices, 0 to {last}"
+            return f"the data store has {len(allowed)} matrices, 0 to {last}"
         case Kind.ELEMENT:
             return f"a matrix has the elements 0 to {last}"
         case Kind.TARGET:
@@ -186,6 +202,13 @@ def _rule(kind: Kind, allowed: range) -> str:
             return f"a loop is passed {first} to {last} times"
         case Kind.EXPONENT:
             return f"two to its power is a number of the core's format from {first} to {last}"
+        case Kind.FUNCTION:
+            return f"the core has {functions_of(core)}"
+
+
+def functions_of(core: Core) -> str:
+    """The functions of a core in words, with their numbers."""
+    return ", ".join(f"{each.value} ({FUNCTIONS.index(each)})" for each in core.functions)
 
 
 def _check_loops(instructions: tuple[Instruction, ...]) -> None:
@@ -225,7 +248,7 @@ def writes(instruction: Instruction, core: Core) -> range:
     match instruction.opcode:
         case opcode if opcode in VECTORS:
             return range(core.size)
-        case Opcode.DET_33 | Opcode.PICK:
+        case Opcode.DET_33 | Opcode.PICK | Opcode.FUNC:
             return range(1)
         case Opcode.READ | Opcode.PLACE | Opcode.RECIP:
             return range(instruction.arguments[1], instruction.arguments[1] + 1)

@@ -3,7 +3,7 @@
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.processor.assembler import RAW_WORD
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import Instruction, Kind, decode
+from kalmanhdl.processor.instructions import FUNCTIONS, Instruction, Kind, decode
 
 
 def disassemble(words: tuple[int, ...], core: Core) -> str:
@@ -43,7 +43,11 @@ def text_of(word: int) -> str:
 
 def _text(instruction: Instruction, targets: set[int]) -> str:
     operands = zip(instruction.operation.operands, instruction.operands, strict=True)
-    shown = [
-        f"L{value}" if o.kind is Kind.TARGET and value in targets else str(value) for o, value in operands
-    ]
+    shown = [_operand(each.kind, value, targets) for each, value in operands]
     return f"{instruction.opcode.name:<12}{' '.join(f'{operand:<7}' for operand in shown)}".rstrip()
+
+
+def _operand(kind: Kind, value: int, targets: set[int]) -> str:
+    if kind is Kind.TARGET and value in targets:
+        return f"L{value}"
+    return FUNCTIONS[value].value if kind is Kind.FUNCTION and value < len(FUNCTIONS) else str(value)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.graph.operations import Function
 
 WORD_BITS = 32
 OPCODE_BITS = 5
@@ -47,6 +48,7 @@ class Opcode(Enum):
     MASK_33 = 0x1B
     HAD_33 = 0x1C
     OUTER_33 = 0x1D
+    FUNC = 0x1E
 
 
 class Kind(Enum):
@@ -57,6 +59,7 @@ class Kind(Enum):
     TARGET = "program address"
     COUNT = "count"
     EXPONENT = "exponent"
+    FUNCTION = "function"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +134,20 @@ EXTENSION: tuple[Operation, ...] = (
     _arithmetic(Opcode.MASK_33),
     _arithmetic(Opcode.HAD_33),
     _arithmetic(Opcode.OUTER_33),
+    Operation(Opcode.FUNC, (_SOURCE, Operand("function", Kind.FUNCTION, 1), _DESTINATION)),
 )
 """What a filter needs beyond them, on opcodes that the paper leaves free."""
+
+FUNCTIONS = (
+    Function.SINE,
+    Function.COSINE,
+    Function.SQUARE_ROOT,
+    Function.EXPONENTIAL,
+    Function.WRAP,
+    Function.ARCTANGENT,
+    Function.HYPOTENUSE,
+)
+"""The functions of FUNC by their numbers."""
 
 ACCUMULATING = {Opcode.SYMADD_33, Opcode.SYMSUB_33, Opcode.MADD_31, Opcode.MSUB_31}
 """The instructions whose destination is a source too."""

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from kalmanhdl.graph.functions import value_of
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.clocks import Retired
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.instructions import Instruction, Opcode
+from kalmanhdl.processor.instructions import FUNCTIONS, Instruction, Opcode
 
 Array = npt.NDArray[np.float64]
 
@@ -102,6 +104,10 @@ def real_result(instruction: Instruction, a: Array, b: Array, c: Array, core: Co
             return a[element : element + 1]
         case Opcode.PLACE:
             return a[:1]
+        case Opcode.FUNC:
+            function = FUNCTIONS[instruction.arguments[1]]
+            below = function is Function.SQUARE_ROOT and a[0] < 0
+            return np.atleast_1d(0.0 if below else value_of(function, a[0], a[1]))
         case Opcode.RECIP:
             most = float(core.form.real(core.form.highest))
             return np.array([1 / a[element] if a[element] > 0 else most])

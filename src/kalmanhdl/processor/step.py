@@ -7,16 +7,16 @@ import numpy as np
 
 from kalmanhdl.processor.clocks import Retired
 from kalmanhdl.processor.compiler.generate import rows_read, tokens
-from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.disassembler import text_of
 from kalmanhdl.processor.fit import Fitted
 from kalmanhdl.processor.instructions import Opcode, encode
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.program import Program
 from kalmanhdl.processor.simulator import Machine
-from kalmanhdl.processor.timing import OF_ARRAY, latency
+from kalmanhdl.processor.timing import OF_ARRAY, clocks_of_instruction, latency
 
-UNITS = ("products", "reciprocals", "sums and moves", "input and output", "jumps")
+UNITS = ("products", "reciprocals", "functions", "sums and moves", "input and output", "jumps")
 """Who works on instructions."""
 
 _PASSES = 9
@@ -73,15 +73,14 @@ def step_of(fit: Fitted) -> Step:
 
 def _timed(done: list[Retired], program: Program, core: Core) -> Iterator[Timed]:
     lines = program.source.splitlines()
-    eight = 0 if core.pipelined else CLOCKS_PER_INSTRUCTION - 1
-    start = done[0].clock - eight
+    start = done[0].clock - _before(done[0].instruction.opcode, core)
     for one in done:
         opcode = one.instruction.opcode
         behind = max(latency(opcode, core) - 1, 0) if core.pipelined else 0
         line = lines[program.lines[one.address] - 1] if program.lines else ""
         yield Timed(
             address=one.address,
-            first=one.clock - eight - start,
+            first=one.clock - _before(opcode, core) - start,
             last=one.clock + behind - start,
             text=text_of(encode(one.instruction)),
             does=line.partition("--")[2].strip(),
@@ -89,11 +88,18 @@ def _timed(done: list[Retired], program: Program, core: Core) -> Iterator[Timed]
         )
 
 
+def _before(opcode: Opcode, core: Core) -> int:
+    """Clocks of an instruction before the one in which it takes effect."""
+    return 0 if core.pipelined else clocks_of_instruction(opcode, core) - 1
+
+
 def _unit(opcode: Opcode, core: Core) -> str:
     if opcode in (Opcode.READ, Opcode.WRITE, Opcode.JUMP_DRDY, Opcode.JUMP_ACK):
         return "input and output"
     if opcode is Opcode.RECIP:
         return "reciprocals"
+    if opcode is Opcode.FUNC:
+        return "functions"
     if opcode in OF_ARRAY:
         return "products"
     return "sums and moves" if latency(opcode, core) else "jumps"

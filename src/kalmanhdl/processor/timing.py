@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from kalmanhdl.processor.arithmetic import MINORS
-from kalmanhdl.processor.core import Core, writes
+from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core, writes
+from kalmanhdl.processor.function_stages import function_clocks
 from kalmanhdl.processor.instructions import (
     ACCUMULATING,
     SYMMETRIC,
@@ -120,9 +121,23 @@ def latency(opcode: Opcode, core: Core) -> int:
         return 0
     if opcode is Opcode.RECIP:
         return 1 + RECIPROCAL_REGISTERS
+    if opcode is Opcode.FUNC:
+        return 1 + function_clocks(core)
     if opcode in OF_ARRAY:
         return 1 + passes(opcode, core) + (AFTER_COFACTORS if opcode is Opcode.DET_33 else 0)
     return 1
+
+
+@cache
+def clocks_of_instruction(opcode: Opcode, core: Core) -> int:
+    """Clocks of an instruction on a core that does one at a time: eight, or eight as often as FUNC needs.
+
+    Its operands stand from the third clock on, its result is taken in the seventh.
+    """
+    if opcode is not Opcode.FUNC or not core.has(opcode):
+        return CLOCKS_PER_INSTRUCTION
+    late = max(function_clocks(core) - (CLOCKS_PER_INSTRUCTION - 4), 0)
+    return CLOCKS_PER_INSTRUCTION * (1 + -(-late // CLOCKS_PER_INSTRUCTION))
 
 
 def sources(instruction: Instruction) -> tuple[int, ...]:

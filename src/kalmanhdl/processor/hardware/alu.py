@@ -10,6 +10,7 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.arithmetic import MINORS
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.decoding import is_one_of, written
+from kalmanhdl.processor.hardware.function_unit import FunctionUnit
 from kalmanhdl.processor.hardware.layouts import matrix_layout
 from kalmanhdl.processor.hardware.operands import second_operands
 from kalmanhdl.processor.instructions import (
@@ -164,6 +165,8 @@ class Alu(wiring.Component):
         exact = [self._exact(e, products, total) for e in range(core.elements)]
         firsts: list[tuple[Opcode, tuple[Value, Value]]] = []
         reciprocal = self._reciprocal(m) if core.extended else None
+        if core.functions:
+            firsts.append((Opcode.FUNC, self._function(m)))
         if core.size == 3:
             self._add_cofactors(m, exact, firsts)
         flags = Signal(core.elements)
@@ -232,6 +235,12 @@ class Alu(wiring.Component):
         )
         m.d.comb += unit.divisor.eq(Mux(self.chosen < 0, 0, self.chosen))
         return unit.quotient, unit.outside
+
+    def _function(self, m: Module) -> tuple[Value, Value]:
+        """Of the first two elements, which stand until the instruction ends."""
+        m.submodules.functions = unit = FunctionUnit(self._core)
+        m.d.comb += [unit.a.eq(self.a[0]), unit.b.eq(self.a[1]), unit.function.eq(self.exponent)]
+        return unit.value, unit.outside
 
     def _moved(self, element: int, b: Signal, value: Value, outside: Value) -> tuple[Value, Value]:
         """The elements that only move."""

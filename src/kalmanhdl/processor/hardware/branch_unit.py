@@ -7,10 +7,13 @@ from amaranth.lib.wiring import In, Out
 from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
 from kalmanhdl.processor.hardware.loop_stack import loop_stack
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
+from kalmanhdl.processor.timing import clocks_of_instruction
 
 
 class BranchUnit(wiring.Component):
     """Counts the eight clocks of every instruction; the program counter moves at the end of the last one.
+
+    An instruction that takes eight clocks several times goes through its phases as often.
 
     ``what_branch`` is the phase: first fetch, second fetch, execute, write back; ``second_clock`` says which
     of its two clocks it is; ``last_clock`` is high in the eighth. ``input_ready`` and ``output_taken`` are
@@ -42,7 +45,7 @@ class BranchUnit(wiring.Component):
         m.d.comb += [
             self.what_branch.eq(clock >> 1),
             self.second_clock.eq(clock[0]),
-            self.last_clock.eq(self.running & (clock == last)),
+            self.last_clock.eq(self.running & (clock == last) & ~self._again(m, clock == last)),
         ]
         m.d.sync += clock.eq(clock + self.running)
         again: Value = Const(0)
@@ -72,3 +75,14 @@ class BranchUnit(wiring.Component):
         with m.If(self.last_clock):
             m.d.sync += self.pc_current.eq(following)
         return m
+
+    def _again(self, m: Module, ends: Value) -> Value:
+        """Whether the eight clocks that end are not the instruction's last ones."""
+        rounds = clocks_of_instruction(Opcode.FUNC, self._core) // CLOCKS_PER_INSTRUCTION
+        if rounds == 1:
+            return Const(0)
+        done = Signal(range(rounds), name="rounds_done")
+        again = (self.opcode == Opcode.FUNC.value) & (done != rounds - 1)
+        with m.If(self.running & ends):
+            m.d.sync += done.eq(Mux(again, done + 1, 0))
+        return again

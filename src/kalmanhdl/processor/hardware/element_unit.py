@@ -2,12 +2,13 @@
 
 from amaranth.hdl import Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.lib.wiring import In, Member, Out
 
 from kalmanhdl.arithmetic.division_structure import Operand
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.decoding import is_one_of
+from kalmanhdl.processor.hardware.function_unit import FunctionUnit
 from kalmanhdl.processor.hardware.layouts import matrix_layout
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
 from kalmanhdl.processor.timing import RECIPROCAL_REGISTERS
@@ -18,7 +19,8 @@ from kalmanhdl.rtl.reciprocal import TableNewtonReciprocal
 class ElementUnit(wiring.Component):
     """Takes operands in every clock. The ``result`` stands in the next one, a reciprocal four clocks later.
 
-    ``chosen`` is the element of ``a`` that the instruction names; ``incoming`` is what READ gets.
+    ``chosen`` is the element of ``a`` that the instruction names; ``incoming`` is what READ gets. ``value``
+    is what the ``function`` gives of the operands that came ``function_clocks`` before.
     """
 
     def __init__(self, core: Core) -> None:
@@ -36,6 +38,7 @@ class ElementUnit(wiring.Component):
                 "outside": Out(1),
                 "reciprocal": Out(word),
                 "reciprocal_outside": Out(1),
+                **self._of_functions(),
             }
         )
 
@@ -63,7 +66,18 @@ class ElementUnit(wiring.Component):
         m.d.comb += self.outside.eq(flags.any())
         if core.extended:
             self._reciprocal(m)
+        if core.functions:
+            m.submodules.functions = unit = FunctionUnit(core)
+            m.d.comb += [unit.a.eq(a[0]), unit.b.eq(a[1]), unit.function.eq(self.function)]
+            m.d.comb += [self.value.eq(unit.value), self.value_outside.eq(unit.outside)]
         return m
+
+    def _of_functions(self) -> dict[str, Member]:
+        """The ports that a core with functions has."""
+        if not self._core.functions:
+            return {}
+        word = signed(self._core.form.width)
+        return {"function": In(ARGUMENT_BITS), "value": Out(word), "value_outside": Out(1)}
 
     def _moved(
         self, opcode: Value, element: int, operands: tuple[Signal, Signal], incoming: Value, value: Value

@@ -171,17 +171,21 @@ class PipelinedController(wiring.Component):
         core, stored = self._core, board.stored
         of_array = [each for each in Opcode if each is not Opcode.DET_33 and passes(each, core)]
         from_array = is_one_of(stored.opcode, core, of_array)
-        special = (
+        special = [
             (is_one_of(stored.opcode, core, (Opcode.RECIP,)), unit.reciprocal, unit.reciprocal_outside),
             (is_one_of(stored.opcode, core, (Opcode.DET_33,)), array.determinant, array.determinant_outside),
-        )
+        ]
+        if core.functions:
+            m.d.comb += unit.function.eq(stored.element)
+            of_function = is_one_of(stored.opcode, core, (Opcode.FUNC,))
+            special.append((of_function, unit.value, unit.value_outside))
         outside = Mux(from_array, array.outside, unit.outside)
         for is_it, _, flag in special:
             outside = Mux(is_it, flag, outside)
         for e in range(core.elements):
             value: Value = Mux(from_array, array.result[e], unit.result[e])
-            # A reciprocal may go to any element, a determinant to the first one.
-            for is_it, number, _ in special[: 2 if e == 0 else 1]:
+            # A reciprocal may go to any element, a determinant and a function's value to the first one.
+            for is_it, number, _ in special if e == 0 else special[:1]:
                 value = Mux(is_it, number, value)
             m.d.comb += [
                 self.written[e].eq(value),

@@ -14,9 +14,7 @@ from kalmanhdl.processor.instructions import (
     Instruction,
     Opcode,
 )
-from kalmanhdl.processor.timing import AFTER_COFACTORS, RECIPROCAL_REGISTERS, latency, passes, sources
-
-_SLOTS = 1 + RECIPROCAL_REGISTERS
+from kalmanhdl.processor.timing import AFTER_COFACTORS, latency, passes, sources
 
 
 def result_layout(core: Core) -> StructLayout:
@@ -44,6 +42,8 @@ class Scoreboard(wiring.Component):
         self._core = core
         self._opcodes = [each for each in Opcode if core.has(each)]
         self._most = max(latency(each, core) for each in self._opcodes)
+        alone = max(latency(each, core) for each in self._opcodes if not passes(each, core))
+        self._slots = max(alone, 1 + AFTER_COFACTORS)
         super().__init__(
             {
                 "opcode": In(OPCODE_BITS),
@@ -59,7 +59,7 @@ class Scoreboard(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         core = self._core
-        slots = [Signal(result_layout(core), name=f"slot_{k}") for k in range(_SLOTS)]
+        slots = [Signal(result_layout(core), name=f"slot_{k}") for k in range(self._slots)]
         of_array = Signal(result_layout(core))
         takes = Signal(range(self._most + 1))
         with m.Switch(self.opcode):
@@ -71,7 +71,7 @@ class Scoreboard(wiring.Component):
         is_determinant = is_one_of(of_array.opcode, core, (Opcode.DET_33,))
         array_remains = self.array_left + Mux(is_determinant, AFTER_COFACTORS, 0)
         coming = [(busy, of_array, array_remains)]
-        coming += [(slots[k].valid, slots[k], Const(k)) for k in range(1, _SLOTS)]
+        coming += [(slots[k].valid, slots[k], Const(k)) for k in range(1, self._slots)]
         addresses = [each[: core.address_bits] for each in self.arguments]
         used = self._used()
         waits = uses_array & (self.array_left > 1)
@@ -120,7 +120,7 @@ class Scoreboard(wiring.Component):
         uses_array, takes, is_determinant = about
         last = self.array_left == 1
         for k, slot in enumerate(slots):
-            following = slots[k + 1] if k + 1 < _SLOTS else Const(0, result_layout(self._core).size)
+            following = slots[k + 1] if k + 1 < self._slots else Const(0, result_layout(self._core).size)
             m.d.sync += slot.eq(following)
             with m.If(new.valid & ~uses_array & (takes == k + 1)):
                 m.d.sync += slot.eq(new)
