@@ -145,7 +145,9 @@ def execute(
 
 @reported
 def compile_filter(
-    design: Annotated[Path, typer.Argument(metavar="DESIGN", help="A design file (TOML) of a linear model.")],
+    design: Annotated[
+        Path, typer.Argument(metavar="DESIGN", help="A design file (TOML) of a linear or nonlinear model.")
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder to make.")],
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Measurements of one track, for a test bench.")
@@ -164,7 +166,7 @@ def compile_filter(
     from kalmanhdl.output import check_folder, new_folder
     from kalmanhdl.processor.compiler.constants import numbers_read
     from kalmanhdl.processor.compiler.folder import contents
-    from kalmanhdl.processor.compiler.generate import fitting
+    from kalmanhdl.processor.compiler.generate import equipped, fitting
     from kalmanhdl.processor.follow import follow, rows_of
     from kalmanhdl.report.processor_document import off_reference
 
@@ -172,7 +174,7 @@ def compile_filter(
     core = _core(width, fraction, rounding, overflow, size, multipliers, functions=False)
     chosen = Design.load(design)
     filter_ = fitting(chosen.model, chosen.algorithm, core)
-    model = filter_.model
+    core, model = equipped(core, filter_), filter_.model
     units = unscaled(model.n, model.m, model.p)
     plots = None if data is None else _alone(data, chosen.model)
     # Says so where a constant does not fit.

@@ -75,12 +75,12 @@ def simulate_processor(design: "Design", plots: "Plots", out: Path | None, *, fo
         progress("compiling the filter to a program")
         fit = fitted(design)
         progress(f"filtering {int(plots.active.sum())} rows of {len(plots.tracks)} tracks")
-        found = follow(fit.filter_, fit.core, fit.linear, design.algorithm, fit.scaling, plots)
+        found = follow(fit.filter_, fit.core, fit.given, design.algorithm, fit.scaling, plots)
         if out is not None:
             with new_folder(out, force=force) as folder:
-                text = estimates_csv(fit.linear, found)
+                text = estimates_csv(fit.given, found)
                 (folder / "estimates.csv").write_text(text, encoding="utf-8")
-    typer.echo(errors_table(fit.linear, found))
+    typer.echo(errors_table(fit.given, found))
     typer.echo(misfits(found.saturations, found.clipped) or "every number fitted the core's format")
     if not found.valid.any():
         points = design.model.initial.points

@@ -61,8 +61,8 @@ def test_a_design_of_any_units_is_fitted_to_a_core():
     assert (fit.core.size, fit.core.multipliers, fit.core.form.width) == (4, 16, 32)
     z = np.cumsum(np.random.default_rng(1).normal(scale=300.0, size=(80, 2)), axis=0) * [1.0, 1e-4]
     z[30] = z[41, 0] = np.nan
-    plots = plots_from_arrays(z, fit.linear)
-    (rows,) = rows_of(fit.core, fit.linear, fit.scaling, plots)
+    plots = plots_from_arrays(z, fit.given)
+    (rows,) = rows_of(fit.core, fit.given, fit.scaling, plots)
     engine = Engine(fit.filter_, fit.core)
     wanted = [number for row in rows for number in engine.step(row)]
     machine = Machine(fit.core, *bench(fit.core, tokens(fit.filter_, fit.core, rows)))
@@ -70,7 +70,7 @@ def test_a_design_of_any_units_is_fitted_to_a_core():
     assert list(run(machine, 1_000_000).sent) == wanted
     assert not engine.saturated
     assert not machine.saturated
-    found = follow(fit.filter_, fit.core, fit.linear, fit.design.algorithm, fit.scaling, plots)
+    found = follow(fit.filter_, fit.core, fit.given, fit.design.algorithm, fit.scaling, plots)
     assert (found.saturations, found.clipped) == (0, 0)
     np.testing.assert_allclose(found.exact.x, found.reference.x, rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(found.exact.P, found.reference.P, rtol=1e-3, atol=1e-9)

@@ -112,7 +112,7 @@ def test_rows_are_held_against_the_reference_in_the_units_of_the_model():
     assert found.exact.shape == (30, 4)
     assert np.isnan(found.off[0]).all()
     assert found.off[1:].max() < 1e-4
-    names = [name.replace("_", " ") for name in fit.linear.state_names]
+    names = [name.replace("_", " ") for name in fit.given.state_names]
     assert found.names == (*names, *(f"variance of {name}" for name in names))
 
 

@@ -49,10 +49,10 @@ def whole(fit):
         followed=follow(
             fit.filter_,
             fit.core,
-            fit.linear,
+            fit.given,
             fit.design.algorithm,
             fit.scaling,
-            plots_from_arrays(z, fit.linear),
+            plots_from_arrays(z, fit.given),
         ),
         checked=(run,),
         placed=(placement(2, 62.5), placement(1, 60.0)),

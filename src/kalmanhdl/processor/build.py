@@ -48,13 +48,13 @@ def build(
     """
     seconds: dict[str, float] = {}
     drawn = drawn_rows(fit, max(steps, 1))
-    data = () if plots is None else rows_of(fit.core, fit.linear, fit.scaling, plots)
+    data = () if plots is None else rows_of(fit.core, fit.given, fit.scaling, plots)
     with timed(seconds, "rtl", progress, "writing program and Verilog"):
         files = dict(contents(fit.filter_, fit.core, max(data, key=len) if any(data) else drawn[0]))
     followed = None
     if plots is not None:
         with timed(seconds, "simulate", progress, "filtering the data in floats and in the core's numbers"):
-            followed = follow(fit.filter_, fit.core, fit.linear, fit.design.algorithm, fit.scaling, plots)
+            followed = follow(fit.filter_, fit.core, fit.given, fit.design.algorithm, fit.scaling, plots)
     checked: tuple[Checked, ...] = ()
     if steps:
         message = f"verifying {steps} steps: engine, instruction-set simulator, Verilog"

@@ -41,7 +41,7 @@ def drawn_rows(fit: Fitted, steps: int, seed: int = 1) -> tuple[Rows, ...]:
     length = min(_STEPS_OF_A_TRACK, max(steps, _SLOW_ROWS))
     count = -(-2 * steps // length) + 1
     plots = simulated(fit.design.model, fit.design.fixed_point.coast, length, count, seed)
-    return tuple(rows for rows in rows_of(fit.core, fit.linear, fit.scaling, as_data(plots)) if rows)
+    return tuple(rows for rows in rows_of(fit.core, fit.given, fit.scaling, as_data(plots)) if rows)
 
 
 def verified(

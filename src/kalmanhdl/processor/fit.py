@@ -9,6 +9,8 @@ from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Taylor, steady_
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.design import Design, Processor
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.model import Array
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.numerics.ranges import simulated
 from kalmanhdl.numerics.scaling import Scaling
@@ -17,7 +19,9 @@ from kalmanhdl.numerics.units import units
 from kalmanhdl.processor.compiler.constants import numbers_read
 from kalmanhdl.processor.compiler.covariance import ADJUGATE
 from kalmanhdl.processor.compiler.evaluate import Engine
-from kalmanhdl.processor.compiler.generate import compiled, fitting
+from kalmanhdl.processor.compiler.generate import compiled, equipped, fitting
+from kalmanhdl.processor.compiler.recipe import Filtered
+from kalmanhdl.processor.compiler.samples import samples
 from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.follow import Rows, as_data, rows_of
@@ -38,16 +42,16 @@ class Fitted:
 
     design: Design
     scaling: Scaling
-    model: LinearModel
+    model: Filtered
     algorithm: Algorithm
     core: Core
     filter_: Traced
     program: Program
 
     @property
-    def linear(self) -> LinearModel:
+    def given(self) -> Filtered:
         """The design's model, in its own units."""
-        assert isinstance(self.design.model, LinearModel)
+        assert isinstance(self.design.model, LinearModel | NonlinearModel)
         return self.design.model
 
 
@@ -59,9 +63,9 @@ def fitted(design: Design) -> Fitted:
     processor, numerics = design.processor, design.fixed_point
     assert processor is not None
     model = design.model
-    if not isinstance(model, LinearModel):
-        problem = f' = "{model.kind}": the processor has programs for linear models: use "datapath" for it'
-        raise InvalidValueError("model", "kind", problem)
+    if not isinstance(model, LinearModel | NonlinearModel):
+        rule = 'the processor has programs for linear and nonlinear models: use "datapath" for it'
+        raise InvalidValueError("model", "kind", f' = "{model.kind}": {rule}')
     plots = simulated(model, numerics.coast, _TRIED_STEPS, _TRIED_TRACKS)
     scaling = units(model, design.algorithm(model), _scaled(numerics, model), plots)
     inner = model.in_units(scaling)
@@ -71,7 +75,12 @@ def fitted(design: Design) -> Fitted:
         cores = _cores(processor, design, size)
         # Where the point stands makes the program no longer.
         filter_ = fitting(inner, algorithm, cores(processor.fraction or processor.width // 2))
-        core = _chosen(processor, cores, filter_, lambda core: rows_of(core, model, scaling, as_data(plots)))
+        core = _chosen(
+            processor,
+            lambda fraction: equipped(cores(fraction), filter_),
+            filter_,
+            lambda core: rows_of(core, model, scaling, as_data(plots)),
+        )
         numbers_read(filter_, core)
         program = compiled(filter_, core)
     except ProgramError as error:
@@ -87,23 +96,35 @@ def fitted(design: Design) -> Fitted:
     )
 
 
-def _scaled(numerics: FixedSpecification, model: LinearModel) -> FixedSpecification:
-    """Where the tool chooses: powers of two near the settled deviations, as all variances share a format."""
+def _scaled(numerics: FixedSpecification, model: Filtered) -> FixedSpecification:
+    """Where the tool chooses: powers of two near the settled deviations, as all variances share a format.
+
+    In these units variances are near one, whatever a measurement's are that is no state.
+    """
+    if isinstance(model, NonlinearModel) and numerics.covariance_scale == "auto":
+        numerics = replace(numerics, covariance_scale=1.0)
     if numerics.scale != "auto":
         return numerics
-    deviations = np.sqrt(np.diag(steady_state.steady_prior(model)))
+    deviations = _deviations(model)
     powers = 2.0 ** np.round(np.log2(np.where(deviations > 0, deviations, 1.0)))
     return replace(numerics, scale=tuple(map(float, powers)))
 
 
-def _in_units(algorithm: Algorithm, model: LinearModel, scaling: Scaling) -> Algorithm:
+def _deviations(model: Filtered) -> Array:
+    if isinstance(model, NonlinearModel):
+        return samples(model).deviations
+    return np.asarray(np.sqrt(np.diag(steady_state.steady_prior(model))))
+
+
+def _in_units(algorithm: Algorithm, model: Filtered, scaling: Scaling) -> Algorithm:
     if not isinstance(algorithm, Taylor):
         return algorithm
+    assert isinstance(model, LinearModel)
     point = algorithm.point(model) / scaling.covariances()
     return Taylor(tuple(tuple(map(float, row)) for row in point), newton=algorithm.newton)
 
 
-def _size(model: LinearModel, algorithm: Algorithm) -> int:
+def _size(model: Filtered, algorithm: Algorithm) -> int:
     inverts = isinstance(algorithm, Conventional | Joseph) and 1 < model.m <= ADJUGATE
     return max(2, model.n, model.m, model.p, ADJUGATE if inverts else 0)
 
@@ -157,6 +178,8 @@ def _holds(filter_: Traced, core: Core, tried: Callable[[Core], Sequence[Rows]])
     """Whether the constants and everything computed on some tracks are numbers of the core's format."""
     most = float(core.form.real(core.form.highest))
     if any(np.abs(constant).max(initial=0.0) > most for constant in filter_.constants.values()):
+        return False
+    if not filter_.exponents <= set(core.exponents):
         return False
     for rows in tried(core):
         engine = _engine(filter_, core)

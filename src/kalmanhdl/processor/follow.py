@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kalmanhdl.algorithm import Algorithm
-from kalmanhdl.model.model import Array
-from kalmanhdl.model.state_space import LinearModel
+from kalmanhdl.model.model import Array, Model
 from kalmanhdl.model.units import Units
 from kalmanhdl.numerics.ranges import Plots as Drawn
 from kalmanhdl.processor.compiler.evaluate import Engine
@@ -35,7 +34,7 @@ class Followed(SideBySide):
     clipped: int
 
 
-def rows_of(core: Core, model: LinearModel, scaling: Units, plots: Plots) -> tuple[Rows, ...]:
+def rows_of(core: Core, model: Model, scaling: Units, plots: Plots) -> tuple[Rows, ...]:
     """What the program reads of each track, from its start on. The model is that of the plots."""
     given = commands(model, plots.z, plots.active)
     z, u = plots.z / scaling.measurement, plots.u / scaling.control
@@ -49,7 +48,7 @@ def rows_of(core: Core, model: LinearModel, scaling: Units, plots: Plots) -> tup
 def follow(
     filter_: Traced,
     core: Core,
-    model: LinearModel,
+    model: Model,
     algorithm: Algorithm,
     scaling: Units,
     plots: Plots,

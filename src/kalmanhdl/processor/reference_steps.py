@@ -37,7 +37,7 @@ def reference_steps(fit: Fitted, tokens: Sequence[int], sent: Sequence[int]) -> 
     The reference gets the measurements as the program does, so that what is between them is its arithmetic.
     Raises DataError where the rows do not begin with a start.
     """
-    model, scaling = fit.linear, fit.scaling
+    model, scaling = fit.given, fit.scaling
     n, m, p = model.n, model.m, model.p
     resolution = float(fit.core.form.resolution)
     numbers = np.array(tokens[len(numbers_read(fit.filter_, fit.core)) :], float) * resolution

@@ -36,7 +36,7 @@ def checked_in(
     ToolError, VerificationError.
     """
     drawn = drawn_rows(fit, steps, seed)
-    data = () if plots is None else rows_of(fit.core, fit.linear, fit.scaling, plots)
+    data = () if plots is None else rows_of(fit.core, fit.given, fit.scaling, plots)
     tracks = [rows for rows in data if rows]
     found: list[Checked] = []
     for simulator in simulators:

@@ -15,7 +15,7 @@ from kalmanhdl.report.document import SCHEMA, errors, named, no_accuracy, not_pl
 def processor_document(built: Built) -> dict[str, Any]:
     """Everything of a build in plain values; what is the same in other builds has the same key."""
     fit, step = built.fit, built.step
-    model = fit.linear
+    model = fit.given
     found = {
         "design": fit.design.name,
         "schema": SCHEMA,
@@ -73,7 +73,7 @@ def last_bits(fit: Fitted) -> dict[str, float]:
 
 def _accuracy(fit: Fitted, followed: Followed) -> dict[str, Any]:
     return {
-        **errors(fit.linear, followed),
+        **errors(fit.given, followed),
         "off_reference": off_reference(followed),
         "saturations": followed.saturations,
         "inputs_clipped": followed.clipped,

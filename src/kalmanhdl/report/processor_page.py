@@ -15,7 +15,7 @@ from kalmanhdl.report.wording import number, prefixed
 
 def processor_page(built: Built, document: dict[str, Any]) -> str:
     """The page of a build; ``document`` is its ``processor_document``."""
-    model = built.fit.linear
+    model = built.fit.given
     drawn: dict[str, object] = {"step": bars_figure(step_lanes(built.step), "instruction")}
     if built.followed is not None:
         drawn |= of_data(model, built.followed, last_bits(built.fit))

@@ -34,7 +34,7 @@ def results(built: Built) -> Rows:
     rows = verification(built.checked)
     followed = built.followed
     if followed is not None:
-        names = built.fit.linear.state_names
+        names = built.fit.given.state_names
         off = ", ".join(
             f"{name} {each:.2g}" for name, each in zip(names, off_reference(followed), strict=True)
         )

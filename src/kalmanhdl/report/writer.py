@@ -46,9 +46,9 @@ def write_processor_report(built: Built, folder: Path) -> None:
     for suffix in ("svg", "png"):
         save_bars(step_lanes(built.step), title, folder / f"step.{suffix}")
         if followed is not None:
-            save_track(fit.linear, fit.design.name, followed, folder / f"track.{suffix}")
+            save_track(fit.given, fit.design.name, followed, folder / f"track.{suffix}")
     if followed is not None:
-        text = estimates_csv(fit.linear, followed)
+        text = estimates_csv(fit.given, followed)
         (folder / "estimates.csv").write_text(text, encoding="utf-8")
 
 

@@ -19,15 +19,21 @@ from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.instructions import VECTORS, Opcode
 
-_ROWS = {*VECTORS, Opcode.RECIP, Opcode.DET_33, Opcode.PICK}
+_NUMBERS = {Opcode.RECIP, Opcode.DET_33, Opcode.PICK, Opcode.FUNC}
+"""Instructions that write the first element alone, where they are not done in place."""
+
+_ROWS = {*VECTORS, *_NUMBERS}
 """Instructions that leave elements of their destination as they were."""
+
+_OF_ELEMENTS = {*_NUMBERS, Opcode.PLACE}
+"""Instructions that read elements alone."""
 
 _SCRATCH = "_"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Names of matrices by address: the lasting ones, then scratch for vectors, then for matrices.
+    """Names of matrices by address: the lasting ones, then scratch for numbers, for vectors, for matrices.
 
     ``of[section][node]`` is the name of each node's place; nothing stands in ``spare`` before the sections.
     """
@@ -47,11 +53,11 @@ def allocate(filter_: Traced, sections: Sequence[Section], core: Core, *, turns:
     given = dict.fromkeys(each.name for one in sections for each in one.nodes if isinstance(each, Given))
     held = dict.fromkeys(name for one in sections for name in one.held)
     lasting = [*held, *given, *filter_.constants]
-    scratch: dict[str, list[str]] = {"v": [], "t": []}
+    scratch: dict[str, list[str]] = {"s": [], "v": [], "t": []}
     of = {each.name: _of_section(each, filter_.vectors, scratch) for each in sections}
     if turns and not scratch["t"]:
         scratch["t"].append(f"{_SCRATCH}t0")
-    names = (*lasting, *scratch["v"], *scratch["t"])
+    names = (*lasting, *(name for kind in ("s", "v", "t") for name in scratch[kind]))
     if len(names) > core.matrices:
         raise ProgramError(
             f"the filter needs {len(names)} matrices and the data store has {core.matrices}: enlarge it"
@@ -105,13 +111,31 @@ def _direct(
 
 
 def _taken(section: Section, index: int, scratch: dict[str, list[str]], free: dict[str, list[str]]) -> str:
-    """Scratch that is free, or new. Vectors have their own, whose rows but the first stay zero."""
-    kind = "v" if _row(section, index) else "t"
+    """Scratch that is free, or new.
+
+    Vectors have their own, whose rows but the first stay zero, and so have numbers that are read as whole
+    matrices: all but the first element stays zero.
+    """
+    kind = "s" if _lonely(section, index) else "v" if _row(section, index) else "t"
     if free[kind]:
         return free[kind].pop(0)
     name = f"{_SCRATCH}{kind}{len(scratch[kind])}"
     scratch[kind].append(name)
     return name
+
+
+def _lonely(section: Section, index: int) -> bool:
+    """Whether a node writes its first element alone, and something reads it whole."""
+    node = section.nodes[index]
+    if not isinstance(node, Computed) or node.opcode not in _NUMBERS:
+        return False
+    users = [each for each in section.nodes if isinstance(each, Computed) and index in each.sources]
+    if any(each.in_place and each.sources[-1] == index for each in users):
+        return False
+    return any(
+        each.opcode not in _OF_ELEMENTS and not (each.opcode is Opcode.MULT_3S and each.sources[0] != index)
+        for each in users
+    )
 
 
 def _row(section: Section, index: int) -> bool:

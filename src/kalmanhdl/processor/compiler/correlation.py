@@ -42,7 +42,15 @@ def decorrelated(m: Matrices, given: Given, scale: Any) -> tuple[Anything, Anyth
 
     All of them in the units of ``scale``; the variance of what is missed is one.
     """
-    (H, z), R = in_units(m, given, scale), noise_of_valid(m, given.V, scale)
+    H, z = in_units(m, given, scale)
+    return taken_apart(m, H, z, given.V, scale)
+
+
+def taken_apart(
+    m: Matrices, H: Anything, z: Anything, V: Anything, scale: Any
+) -> tuple[Anything, Anything, Anything]:
+    """As ``decorrelated``, of H of what is valid and of z or its innovations in the units of ``scale``."""
+    R = noise_of_valid(m, V, scale)
     for part in correlated(m.model):
         for place, j in enumerate(part[:-1]):
             below = np.zeros((m.model.m, m.model.m))

@@ -193,10 +193,7 @@ def sequential(
         else:
             h = named(model.c(f"H{j}", only @ linear.H).rows_where(V), f"update {j}: h, if valid")
             r = model.c(f"R{j}", only @ linear.R)
-        hP = named(h @ P, f"update {j}: h P")
-        Ph = named(hP.transposed(), f"update {j}: P h'")
-        S = named(r.plus(hP, h), f"update {j}: s")
-        K = named(_over(Ph, S, j), f"update {j}: K")
+        K, Ph = scalar_gain(P, h, r, j)
         y = named(z.minus(h, x), f"update {j}: y")
         x = named(x.plus(K, y), f"update {j}: x")
         P = named(P.minus(K, Ph), f"update {j}: P")
@@ -231,6 +228,17 @@ def _next_scalar(m: Matrices, kept: Kept, given: Given) -> Kept:
     x = named(x + named(K.scaled(y.as_matrix()), "update: K y"), "update: x")
     columns = (named(K.outer(first), "update: K as a column"), named(Ph.outer(first), "update: P h' as one"))
     return {"x": x, "P": named(P.minus(*columns), "update: P"), **moved_on(m, kept)}
+
+
+def scalar_gain(P: Anything, h: Anything, r: Anything, j: int) -> tuple[Anything, Anything]:
+    """The gain of measurement j, in column j, and P h'.
+
+    ``h`` has a row j alone; element j, j of ``r`` is its variance.
+    """
+    hP = named(h @ P, f"update {j}: h P")
+    Ph = named(hP.transposed(), f"update {j}: P h'")
+    S = named(r.plus(hP, h), f"update {j}: s")
+    return named(_over(Ph, S, j), f"update {j}: K"), Ph
 
 
 def _over(Ph: Anything, S: Anything, j: int) -> Anything:

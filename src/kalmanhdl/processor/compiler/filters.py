@@ -6,6 +6,7 @@ from kalmanhdl.algorithm import (
     Algorithm,
     BiermanThornton,
     Conventional,
+    Extended,
     Joseph,
     Scheduled,
     Sequential,
@@ -13,6 +14,7 @@ from kalmanhdl.algorithm import (
     steady_state,
 )
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.processor.compiler.covariance import (
     gained,
@@ -23,13 +25,21 @@ from kalmanhdl.processor.compiler.covariance import (
     sweeping,
 )
 from kalmanhdl.processor.compiler.expansion import expanded, leaving_out
+from kalmanhdl.processor.compiler.extended import extended
 from kalmanhdl.processor.compiler.factors import factored
-from kalmanhdl.processor.compiler.recipe import Recipe
+from kalmanhdl.processor.compiler.recipe import Filtered, Recipe
 from kalmanhdl.processor.compiler.steady import steady
 
 
-def recipe_of(algorithm: Algorithm, model: LinearModel, size: int) -> Recipe:
+def recipe_of(algorithm: Algorithm, model: Filtered, size: int) -> Recipe:
     """The filter of an algorithm. Raises ProgramError for one that has no program."""
+    if isinstance(model, NonlinearModel):
+        assert isinstance(algorithm, Extended), algorithm
+        return extended(model, algorithm)
+    return _linear(algorithm, model, size)
+
+
+def _linear(algorithm: Algorithm, model: LinearModel, size: int) -> Recipe:
     match algorithm:
         case Conventional() | Joseph():
             joseph = isinstance(algorithm, Joseph)

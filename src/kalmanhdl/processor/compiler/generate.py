@@ -21,7 +21,16 @@ from kalmanhdl.processor.program import Program
 
 
 def compiled(filter_: Traced, core: Core) -> Program:
-    """The program of a filter for a core. Raises ProgramError where it does not fit the core's stores."""
+    """The program of a filter for a core.
+
+    Raises ProgramError where it does not fit the core's stores, or scales by what is no number of the core.
+    """
+    lacking = sorted(filter_.exponents - set(core.exponents))
+    if lacking:
+        raise ProgramError(
+            f"the program scales by two to the power {lacking[0]}, which is no number of {core.form}: "
+            "take more bits on that side of the point"
+        )
     return assemble(source(filter_, core), core, "the filter's program")
 
 
@@ -31,6 +40,7 @@ def fitting(model: Model, algorithm: Algorithm, core: Core) -> Traced:
     Raises ProgramError where neither does, or where there is none.
     """
     fast = traced(model, algorithm, core.size)
+    core = equipped(core, fast)
     try:
         compiled(fast, core)
     except ProgramError:
@@ -38,6 +48,11 @@ def fitting(model: Model, algorithm: Algorithm, core: Core) -> Traced:
         compiled(short, core)
         return short
     return fast
+
+
+def equipped(core: Core, filter_: Traced) -> Core:
+    """A core with the functions that a filter needs."""
+    return replace(core, functions=filter_.functions)
 
 
 def source(filter_: Traced, core: Core) -> str:

@@ -52,7 +52,7 @@ class Computed:
     """The result of an instruction on earlier matrices; ``immediate`` is its element or exponent.
 
     The last source of one that accumulates is what its destination has before, and so is the second one of a
-    reciprocal, which leaves the other elements as they are.
+    reciprocal and of PLACE, which leave the other elements as they are.
     """
 
     opcode: Opcode
@@ -62,7 +62,8 @@ class Computed:
     @property
     def in_place(self) -> bool:
         """Whether its last source is what its destination has before."""
-        return self.opcode in ACCUMULATING or (self.opcode is Opcode.RECIP and len(self.sources) > 1)
+        leaves_others = self.opcode in (Opcode.RECIP, Opcode.PLACE)
+        return self.opcode in ACCUMULATING or (leaves_others and len(self.sources) > 1)
 
 
 @dataclass(frozen=True, slots=True)

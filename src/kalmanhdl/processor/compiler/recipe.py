@@ -7,11 +7,16 @@ from typing import Any
 import numpy as np
 
 from kalmanhdl.algorithm import steady_state
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.processor.compiler.graph import Array, named
+from kalmanhdl.processor.compiler.samples import samples
 
 Anything = Any
 """A traced matrix or vector."""
+
+Filtered = LinearModel | NonlinearModel
+"""The models that have programs."""
 
 Kept = Mapping[str, Anything]
 """What is kept, by name; the mean is ``x``."""
@@ -21,7 +26,7 @@ Kept = Mapping[str, Anything]
 class Matrices:
     """The matrices of a model as constants. ``c(name, values)`` makes a further one."""
 
-    model: LinearModel
+    model: Any
     c: Callable[[str, Any], Anything]
 
     def __getattr__(self, name: str) -> Anything:
@@ -55,10 +60,11 @@ class Recipe:
     """A filter on whole matrices.
 
     It keeps ``vectors``, the mean x among them, and ``matrices``. ``begin`` is what a track starts with
-    beside x; ``predict`` and ``update`` take what is kept to what it becomes; ``finish`` adds what is put out
-    and not needed. ``variances`` is the vector or the matrix with the variances, a constant where it is not
-    kept; ``covariance`` makes P of the numbers that are kept. ``stages`` are prediction and update in fewer
-    words: what repeats is a loop over matrices that turn.
+    beside x, which the model's start says; with ``start`` all of it is what that gives. ``predict`` and
+    ``update`` take what is kept to what it becomes; ``finish`` adds what is put out and not needed.
+    ``variances`` is the vector or the matrix with the variances, a constant where it is not kept;
+    ``covariance`` makes P of the numbers that are kept. ``stages`` are prediction and update in fewer words:
+    what repeats is a loop over matrices that turn.
     """
 
     vectors: tuple[str, ...]
@@ -70,6 +76,7 @@ class Recipe:
     variances: str
     covariance: Callable[[Mapping[str, Array]], Array]
     stages: tuple[tuple[Stage, ...], tuple[Stage, ...]] | None = None
+    start: Work | None = None
 
     @property
     def short(self) -> tuple[tuple[Stage, ...], tuple[Stage, ...]]:
@@ -95,7 +102,13 @@ def measured(model: Matrices, z: Anything) -> Anything:
     return named(z - model.measurement_offset, "update: z without its offset")
 
 
-def near_one(model: LinearModel) -> Any:
+def near_one(model: Filtered) -> Any:
     """The powers of two, on a diagonal, that bring the variances of the settled innovations near one."""
+    return np.diag(2.0 ** np.round(-0.5 * np.log2(_settled_variances(model))))
+
+
+def _settled_variances(model: Filtered) -> Array:
+    if isinstance(model, NonlinearModel):
+        return samples(model).innovation
     S = steady_state.innovation_covariance(model, steady_state.steady_prior(model))
-    return np.diag(2.0 ** np.round(-0.5 * np.log2(np.diag(S))))
+    return np.asarray(np.diag(S))

@@ -1,4 +1,4 @@
-"""From a linear model and an algorithm to the sections of a program."""
+"""From a model and an algorithm to the sections of a program."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,12 +8,15 @@ import numpy as np
 
 from kalmanhdl.algorithm import Algorithm
 from kalmanhdl.errors import ProgramError
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.model.model import Model
+from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import LinearModel
 from kalmanhdl.processor.compiler.filters import recipe_of
 from kalmanhdl.processor.compiler.graph import (
     Array,
     Builder,
+    Computed,
     Held,
     Matrix,
     Node,
@@ -22,7 +25,17 @@ from kalmanhdl.processor.compiler.graph import (
     check_size,
     named,
 )
-from kalmanhdl.processor.compiler.recipe import Anything, Given, Kept, Matrices, Recipe, Stage, Work
+from kalmanhdl.processor.compiler.recipe import (
+    Anything,
+    Filtered,
+    Given,
+    Kept,
+    Matrices,
+    Recipe,
+    Stage,
+    Work,
+)
+from kalmanhdl.processor.instructions import FUNCTIONS, Opcode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +56,7 @@ class Traced:
     else; ``vectors`` are those of the matrices that stay which have a first row alone.
     """
 
-    model: LinearModel
+    model: Filtered
     recipe: Recipe
     size: int
     start: tuple[Block, ...]
@@ -71,6 +84,25 @@ class Traced:
         stride = 1 if name in self.recipe.vectors else self.size + 1
         return (*(("x", i) for i in n), *((name, i * stride) for i in n))
 
+    @property
+    def functions(self) -> tuple[Function, ...]:
+        """The functions that its core needs, in the order of their numbers."""
+        numbers = self._immediates(Opcode.FUNC)
+        return tuple(each for number, each in enumerate(FUNCTIONS) if number in numbers)
+
+    @property
+    def exponents(self) -> frozenset[int]:
+        """The powers of two that it scales by."""
+        return self._immediates(Opcode.SCALE)
+
+    def _immediates(self, opcode: Opcode) -> frozenset[int]:
+        return frozenset(
+            node.immediate
+            for block in (*self.start, *self.step, *self.shared)
+            for node in block.section.nodes
+            if isinstance(node, Computed) and node.opcode is opcode
+        )
+
     def estimate(self, numbers: Mapping[str, Array]) -> tuple[Array, Array]:
         """x (n,) and P (n, n) of what the held matrices and the constants (size, size) contain."""
         n, vectors = self.model.n, self.recipe.vectors
@@ -79,12 +111,12 @@ class Traced:
 
 
 def traced(model: Model, algorithm: Algorithm, size: int, *, short: bool = False) -> Traced:
-    """A filter of a linear model: a row in one section, or ``short``, with loops.
+    """A filter of a linear or a nonlinear model: a row in one section, or ``short``, with loops.
 
     Raises ProgramError where the model or the algorithm has no program on matrices of this size.
     """
-    if not isinstance(model, LinearModel):
-        raise ProgramError(f"a {model.kind} model has no program yet: take a linear one")
+    if not isinstance(model, LinearModel | NonlinearModel):
+        raise ProgramError(f"a {model.kind} model has no program: take a linear or a nonlinear one")
     for what, count in (("states", model.n), ("measurements", model.m), ("controls", model.p)):
         check_size(what, count, size)
     recipe = recipe_of(algorithm, model, size)
@@ -113,7 +145,7 @@ Parts = tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]
 class _Blocks:
     """What is traced so far: constants, and the forms of the matrices that stay."""
 
-    model: LinearModel
+    model: Filtered
     recipe: Recipe
     size: int
     constants: dict[str, Array] = field(default_factory=dict)
@@ -217,6 +249,8 @@ class _Blocks:
 
 def _begun(recipe: Recipe, matrices: Matrices, kept: Kept, given: Given) -> Kept:
     """The belief that the command ``initialise`` makes of the state kept before and a row."""
+    if recipe.start is not None:
+        return recipe.start(matrices, kept, given)
     initial = matrices.model.initial
     mean = matrices.c("x0", initial.x)
     if np.any(initial.from_measurement):
