@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from typer.testing import CliRunner
 from kalmanhdl.cli import app
 from kalmanhdl.design import Design
 from kalmanhdl.design_file import dumps, loads
-from kalmanhdl.errors import DesignError
+from kalmanhdl.errors import DesignError, VerificationError
 from kalmanhdl.pipeline import compile_design
+from kalmanhdl.processor.checks import drawn_rows
 from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import tokens
 from kalmanhdl.processor.fit import fitted
@@ -20,8 +22,11 @@ from kalmanhdl.processor.follow import follow, rows_of
 from kalmanhdl.processor.instructions import Opcode
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.simulator import Machine, run
+from kalmanhdl.processor.simulators import bench_runs
 from kalmanhdl.processor.step import step_of
+from kalmanhdl.processor.verilog import core_verilog
 from kalmanhdl.simulate.data import plots_from_arrays
+from kalmanhdl.toolchain.simulators import Simulator
 
 RADAR = """
 name = "radar"
@@ -113,6 +118,22 @@ def test_a_design_is_built_from_file_to_verified_core(tmp_path, multipliers):
     names = {path.name for path in out.iterdir()}
     assert names >= {"report.html", "estimates.csv", "step.png", "step.svg", "track.png", "program.lst"}
     _verify_the_folder(out)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("iverilog"), reason="no Icarus Verilog")
+def test_tracks_go_through_the_test_bench_one_after_the_other():
+    fit = fitted(loads(ALTITUDE))
+    verilog = core_verilog(fit.core)
+    tracks = drawn_rows(fit, 40)
+    short = (tracks[0][:17], tracks[1][:30], tracks[2])
+    found = bench_runs(fit, verilog, short, 40, Simulator.ICARUS)
+    assert (found.steps, found.outputs) == (40, 40 * len(fit.filter_.outputs))
+    # A program that begins otherwise is seen to give something else.
+    words = fit.program.words
+    other = replace(fit, program=replace(fit.program, words=(*words[:-2], words[-1], words[-1])))
+    with pytest.raises(VerificationError, match="icarus: "):
+        bench_runs(other, verilog, short, 40, Simulator.ICARUS)
 
 
 def _verify_the_folder(out):

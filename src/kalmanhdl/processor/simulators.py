@@ -18,6 +18,7 @@ from kalmanhdl.toolchain.verilator import verilator
 
 _FLAGS = ("--binary", "--timing", "--top-module", "testbench", "--Mdir", "made", "--flatten", "-Wno-fatal")
 _STYLE = ("-Wno-lint", "-Wno-style")
+_LINE = "\n"
 _SOURCES = ("testbench.v", "core.v")
 
 
@@ -32,8 +33,8 @@ def checked_in(
 ) -> tuple[Checked, ...]:
     """So many rows of the plots and of tracks drawn from the model, in each of some simulators.
 
-    In CXXRTL every clock, in the others what the shipped test bench sees of the longest track. Raises
-    ToolError, VerificationError.
+    In CXXRTL every clock, in the others what the shipped test bench sees. Raises ToolError,
+    VerificationError.
     """
     drawn = drawn_rows(fit, steps, seed)
     data = () if plots is None else rows_of(fit.core, fit.given, fit.scaling, plots)
@@ -43,35 +44,63 @@ def checked_in(
         if simulator is Simulator.CXXRTL:
             found += verified(fit, verilog, tracks, drawn, steps)
         else:
-            longest = max(tracks or drawn, key=len)
-            found.append(bench_run(fit, verilog, longest[:steps], simulator))
+            found.append(bench_runs(fit, verilog, (*tracks, *drawn), steps, simulator))
     return tuple(found)
 
 
-def bench_run(fit: Fitted, verilog: str, rows: Rows, simulator: Simulator) -> Checked:
-    """A track through the test bench, which holds every number that comes out against the engine.
+def bench_runs(
+    fit: Fitted, verilog: str, tracks: Sequence[Rows], steps: int, simulator: Simulator
+) -> Checked:
+    """So many rows of tracks through the test bench, which holds every number that comes out against the
+    engine.
 
     Raises VerificationError with what the bench says, ToolError.
     """
-    files = bench_files(fit.filter_, fit.core, fit.program, rows)
+    chosen = _first(tracks, steps)
     with working_folder() as work:
+        files = bench_files(fit.filter_, fit.core, fit.program, max(chosen, key=len))
         for name, text in {**files, "core.v": verilog, "program.hex": image(fit.program)}.items():
             (work / name).write_text(text, encoding="utf-8")
         bench, arguments = _compiled(simulator, work)
-        try:
-            said = run(bench, arguments, work).output
-        except ToolError as error:
-            log = (work / f"{bench.name}.log").read_text(encoding="utf-8", errors="replace")
-            wrong = next((line for line in log.splitlines() if line.startswith(("output ", "stuck "))), None)
-            if wrong is None:
-                raise
-            raise VerificationError(f"{simulator.value}: {wrong}") from error
-    outputs = len(rows) * len(fit.filter_.outputs)
-    if f"{outputs} outputs, 0 wrong" not in said:
-        raise VerificationError(f"{simulator.value}: the test bench did not see all of {outputs} outputs")
+        for rows in chosen:
+            files = bench_files(fit.filter_, fit.core, fit.program, rows)
+            inputs, outputs = (files[f"{name}.hex"] for name in ("input", "expected"))
+            (work / "input.hex").write_text(inputs, encoding="utf-8")
+            (work / "expected.hex").write_text(outputs, encoding="utf-8")
+            counts = (f"+inputs={inputs.count(_LINE)}", f"+outputs={outputs.count(_LINE)}")
+            said = _said(simulator, bench, (*arguments, *counts), work)
+            wanted = len(rows) * len(fit.filter_.outputs)
+            if f"{wanted} outputs, 0 wrong" not in said:
+                raise VerificationError(
+                    f"{simulator.value}: the test bench did not see all of {wanted} outputs"
+                )
+    done = sum(map(len, chosen))
+    numbers = done * len(fit.filter_.outputs)
     return Checked(
-        simulator=simulator.value, peripherals="test bench", steps=len(rows), outputs=outputs, values=outputs
+        simulator=simulator.value, peripherals="test bench", steps=done, outputs=numbers, values=numbers
     )
+
+
+def _first(tracks: Sequence[Rows], steps: int) -> list[Rows]:
+    """The first rows of tracks one after the other, so many in all."""
+    found: list[Rows] = []
+    for rows in tracks:
+        if steps > 0:
+            found.append(rows[:steps])
+        steps -= len(rows)
+    return found
+
+
+def _said(simulator: Simulator, bench: Tool, arguments: Sequence[str], work: Path) -> str:
+    """What a run of the test bench says. Raises VerificationError with what was wrong, ToolError."""
+    try:
+        return run(bench, arguments, work).output
+    except ToolError as error:
+        log = (work / f"{bench.name}.log").read_text(encoding="utf-8", errors="replace")
+        wrong = next((line for line in log.splitlines() if line.startswith(("output ", "stuck "))), None)
+        if wrong is None:
+            raise
+        raise VerificationError(f"{simulator.value}: {wrong}") from error
 
 
 def _compiled(simulator: Simulator, work: Path) -> tuple[Tool, tuple[str, ...]]:

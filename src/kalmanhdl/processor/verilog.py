@@ -1,7 +1,7 @@
 """The Verilog of a core."""
 
 from kalmanhdl import __version__
-from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.core import Core, functions_of
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 
 TOP = "controller"
@@ -22,5 +22,7 @@ def core_verilog(core: Core) -> str:
         f"{'pipelined' if core.pipelined else 'eight clocks an instruction'}, "
         f"{core.multipliers} multipliers.\n"
     )
+    if core.functions:
+        header += f"Functions: {functions_of(core)}.\n"
     controller = PipelinedController(core) if core.pipelined else Controller(core)
     return rtlil_to_verilog(to_rtlil(controller, TOP), TOP, header)

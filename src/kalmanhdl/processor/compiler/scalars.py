@@ -39,6 +39,13 @@ _MOST = 4
 """The power of two that an instruction scales by at most: most formats have both it and its reciprocal."""
 
 _ANGLES = (Function.SINE, Function.COSINE, Function.WRAP, Function.EXPONENTIAL)
+_WORDS: Mapping[type[Operation], str] = {
+    Add: "a sum",
+    Subtract: "a difference",
+    Multiply: "a product",
+    Divide: "a quotient",
+    Reciprocal: "a reciprocal",
+}
 _Placed = TypeVar("_Placed", Vector, Matrix)
 
 
@@ -144,7 +151,12 @@ class _Lowering:
         return Matrix(builder, index, (1, 1))
 
     def _named(self, index: int, number: Number) -> Number:
-        named(number.matrix, self.graph.origins[index] or f"{self.where}: of its formulas")
+        operation = self.graph.operations[index]
+        if isinstance(operation, Unary | Binary):
+            what = operation.function.value.replace("_", " ")
+        else:
+            what = _WORDS[type(operation)]
+        named(number.matrix, self.graph.origins[index] or f"{self.where}: {what} of its formulas")
         return number
 
 
