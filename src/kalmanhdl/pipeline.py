@@ -11,6 +11,7 @@ from kalmanhdl.design import MAX_INTERVAL, Architecture, Coefficients, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
+from kalmanhdl.numerics.multiply_add import with_sums_of_products
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.proof.prove import Proof, prove
 from kalmanhdl.rtl.interface import Interface, interface
@@ -122,6 +123,8 @@ def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
         _refuse_float_only(asked)
         graph = replace(graph, logic_product=asked.multiplier)
     part = design.target.part
+    if isinstance(graph, TypedGraph) and "multiply_add" in (asked.units or {}):
+        graph = with_sums_of_products(graph, part.multiplier_width)
     plan = schedule(graph, part, wanted(asked, part))
     found = problems(plan, part)
     if found:
@@ -162,6 +165,9 @@ def _refuse_fixed_only(wanted: Architecture) -> None:
     if wanted.multiplier is LogicProduct.WALLACE:
         problem = ' = "wallace": floating-point products are made of Booth rows: use "booth"'
         raise InvalidValueError("architecture", "multiplier", problem)
+    if "multiply_add" in (wanted.units or {}):
+        problem = ": floating-point sums round after every product: count multiply and add"
+        raise InvalidValueError("architecture", "units.multiply_add", problem)
 
 
 def _refuse_float_only(wanted: Architecture) -> None:

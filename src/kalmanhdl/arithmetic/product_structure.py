@@ -24,6 +24,12 @@ def limb_widths(width: int, signed: bool, other_signed: bool, block_width: int =
     return (*(low,) * below, width - below * low)
 
 
+def block_levels(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
+    """The levels of a product on multiplier blocks: the blocks, and the tree that adds their limbs' products."""
+    limbs = len(limb_widths(a_width, a_signed, b_signed)) * len(limb_widths(b_width, b_signed, a_signed))
+    return 1 + tree_levels(limbs)
+
+
 def booth_rows(width: int, signed: bool) -> int:
     """Partial products of a multiplication from logic when this operand is recoded in radix 4."""
     return (width + 1) // 2 if signed else width // 2 + 1

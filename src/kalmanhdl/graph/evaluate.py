@@ -31,6 +31,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -78,10 +80,12 @@ def _value(operation: Operation, v: list[Any], leaves: Mapping[str, Any]) -> Any
             return np.where(v[flag], v[a], v[b])
         case Quantise(a):
             return v[a]
+        case SumOfProducts(terms):
+            return sum((-1 if term.negative else 1) * v[term.a] * v[term.b] for term in terms)
         case Bits(a, form):
             raw = np.floor(np.asarray(v[a]) / float(form.resolution))
             return (np.mod(raw - form.lowest, 2.0**form.width) + form.lowest) * float(form.resolution)
-        case Outside():
+        case Outside() | SumOutside():
             return False
         case NotFinite(a):
             return np.logical_not(np.isfinite(v[a]))

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from kalmanhdl.graph.operations import Add, Divide, Multiply, Operation, Reciprocal, Subtract
+from kalmanhdl.graph.operations import Add, Divide, Multiply, Operation, Reciprocal, Subtract, SumOfProducts
 
-KINDS = ("add", "subtract", "multiply", "divide", "reciprocal")
+KINDS = ("add", "subtract", "multiply", "multiply_add", "divide", "reciprocal")
 
 ITERATIVE = ("multiply", "divide", "reciprocal")
 """Those of which there is hardware that works for several clocks on one operation."""
@@ -22,6 +22,8 @@ def kind_of(operation: Operation, counts: Mapping[str, int]) -> str | None:
             return next((kind for kind in ("subtract", "add") if kind in counts), None)
         case Multiply():
             return "multiply" if "multiply" in counts else None
+        case SumOfProducts():
+            return "multiply_add"
         case Divide():
             return "divide" if "divide" in counts else None
         case Reciprocal():

@@ -182,6 +182,32 @@ class Outside:
 
 
 @dataclass(frozen=True, slots=True)
+class Product:
+    """a * b, or less that, as one of several that are summed."""
+
+    a: int
+    b: int
+    negative: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SumOfProducts:
+    """The exact sum of the products, quantised once. Of typed graphs that are made for multiply-add units."""
+
+    terms: tuple[Product, ...]
+    form: Fixed
+    rounding: Rounding
+    overflow: Overflow
+
+
+@dataclass(frozen=True, slots=True)
+class SumOutside:
+    """A flag: the exact value of the sum of products a, rounded, does not fit its format."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
 class NotFinite:
     """A flag: a is infinite or no number. Of floating-point graphs; no real and no integer is."""
 
@@ -235,19 +261,29 @@ Number = (
     | Select
     | Quantise
     | Bits
+    | SumOfProducts
 )
-Boolean = Flag | StateFlag | Outside | NotFinite | Negative | And | Or | Not
+Boolean = Flag | StateFlag | Outside | SumOutside | NotFinite | Negative | And | Or | Not
 Operation = Number | Boolean
 
 _OPERANDS = {
     kind: tuple(f.name for f in fields(kind) if f.name in ("flag", "a", "b")) for kind in get_args(Operation)
 }
-_FLAGS = (Flag, StateFlag, Outside, NotFinite, Negative, And, Or, Not)
+_FLAGS = (Flag, StateFlag, Outside, SumOutside, NotFinite, Negative, And, Or, Not)
 
 
 def operands(operation: Operation) -> tuple[int, ...]:
     """The indices that an operation reads, in the order of its fields."""
+    if isinstance(operation, SumOfProducts):
+        return tuple(k for term in operation.terms for k in (term.a, term.b))
     return tuple(getattr(operation, name) for name in _OPERANDS[type(operation)])
+
+
+def lags(operation: Operation) -> tuple[int, ...]:
+    """By how many turns of its unit each operand is taken later than the first."""
+    if isinstance(operation, SumOfProducts):
+        return tuple(turn for turn in range(len(operation.terms)) for _ in "ab")
+    return (0,) * len(_OPERANDS[type(operation)])
 
 
 def is_flag(operation: Operation) -> bool:

@@ -21,7 +21,7 @@ from typing import Any, get_args
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.errors import DesignError, FormatError
-from kalmanhdl.graph.operations import Boolean, Function, Graph, Number, Operation, operands
+from kalmanhdl.graph.operations import Boolean, Function, Graph, Number, Operation, Product, operands
 
 _FORMAT = r"u?fixed\(\d+, fraction=-?\d+\)"
 _NAME = r'[A-Za-z_][^\s"#:=]*|"(?:[^"\\]|\\.)*"'
@@ -194,6 +194,18 @@ def _parse_rows(text: str) -> tuple[Fraction, ...]:
     return tuple(map(_parse_constant, text.split(",")))
 
 
+_TERM = r"-?%\d+\*%\d+"
+
+
+def _print_terms(terms: tuple[Product, ...]) -> str:
+    return ",".join(f"{'-' if term.negative else ''}%{term.a}*%{term.b}" for term in terms)
+
+
+def _parse_terms(text: str) -> tuple[Product, ...]:
+    found = re.findall(r"(-?)%(\d+)\*%(\d+)", text)
+    return tuple(Product(int(a), int(b), bool(sign)) for sign, a, b in found)
+
+
 @dataclass(frozen=True, slots=True)
 class _Field:
     """How a field of an operation is written and read."""
@@ -209,6 +221,7 @@ _FIELDS = {
     "name": _Field(_NAME, "x[0]", print_name, parse_name),
     "value": _Field(r"[-+.\w/]+", "0.5", _print_constant, _parse_constant),
     "rows": _Field(r"[-+.\w/,]+", "0.5,0.25", _print_rows, _parse_rows),
+    "terms": _Field(rf"{_TERM}(?:,{_TERM})*", "%0*%1,-%2*%3", _print_terms, _parse_terms),
     "exponent": _Field(r"-?\d+", "-3", str, int),
     "function": _Field(r"\w+", "sine", lambda function: function.value, Function),
     "form": _Field(_FORMAT, "fixed(16, fraction=8)", str, parse_format),

@@ -20,6 +20,7 @@ from kalmanhdl.graph.operations import (
     Shift,
     State,
     Subtract,
+    SumOfProducts,
     Table,
     Unary,
 )
@@ -56,6 +57,8 @@ def type_of(operation: Number, types: list[Typed | None], given: Fixed | None) -
         case Quantise(a, form, rounding, overflow):
             operand, interval = _known(types[a])
             return form, quantised(interval, operand.fraction, form, rounding, overflow)
+        case SumOfProducts(_, form):
+            return form, of_format(form)
         case Bits(a, form):
             operand, interval = _known(types[a])
             return form, quantised(interval, operand.fraction, form, Rounding.FLOOR, Overflow.WRAP)

@@ -1,20 +1,25 @@
 """An operator on which several operations take turns: registers for its operands, then its core."""
 
 from collections.abc import Callable
+from functools import cached_property
 
 from amaranth.hdl import Cat, Const, Module, Signal, Value
-from amaranth.lib.wiring import Component, In, Out
+from amaranth.lib.wiring import Component, In, Member, Out
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.product_structure import block_levels
 from kalmanhdl.graph.operations import Add
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.float_operators import core as float_core
 from kalmanhdl.rtl.multiplier import Multiplier
+from kalmanhdl.rtl.multiply_add import MultiplyAdd
 from kalmanhdl.rtl.operators import division, iterative_division
 from kalmanhdl.rtl.serial_multiplier import SerialMultiplier
 from kalmanhdl.rtl.shapes import fitted, shape_of
 from kalmanhdl.rtl.stages import delayed
+from kalmanhdl.schedule.accumulator import Accumulator, accumulator
+from kalmanhdl.schedule.operator import MultiplyAddRegisters, multiply_add_registers
 from kalmanhdl.schedule.plan import Plan
 from kalmanhdl.schedule.sharing import Core, core
 from kalmanhdl.schedule.storage import Port, ports
@@ -23,7 +28,8 @@ from kalmanhdl.schedule.storage import Port, ports
 class SharedUnit(Component):
     """Ports ``operand_<k>``, ``result`` and, for sums, ``subtract``: the second operand is taken away.
 
-    An iterative one has ``start``, high in the clocks in which operands are to be taken.
+    An iterative one has ``start``, high in the clocks in which operands are to be taken. One that sums products
+    has ``first``, ``negative``, ``place`` and ``mode``, in the clocks that ``MultiplyAdd`` says, and ``outside``.
 
     The result stands as many clocks after the operands as the operations on it have registers. All numbers
     are raw integers.
@@ -40,7 +46,35 @@ class SharedUnit(Component):
         operands = {f"operand_{k}": In(shape_of(one.form)) for k, one in enumerate(self.core.operands)}
         sign = {"subtract": In(1)} if unit.kind in ("add", "subtract") else {}
         sign |= {"start": In(1)} if unit.busy > 1 else {}
+        sign |= self._of_sums() if unit.kind == "multiply_add" else {}
         super().__init__({**operands, **sign, "result": Out(shape_of(self.core.form))})
+
+    def _of_sums(self) -> dict[str, Member]:
+        places, modes = range(self.sums.lifts + 1), range(len(self.sums.modes))
+        return {
+            **{"first": In(1), "negative": In(1), "place": In(places), "mode": In(modes)},
+            "outside": Out(1),
+        }
+
+    @cached_property
+    def sums(self) -> Accumulator:
+        """How products are placed and sums quantised, of a unit that sums products."""
+        assert isinstance(self._plan.typed, TypedGraph)
+        return accumulator(self._plan.typed, self.unit.operations)
+
+    @property
+    def held(self) -> MultiplyAddRegisters:
+        """Where a unit that sums products holds registers."""
+        a, b = (one.form for one in self.core.operands)
+        sums = self._plan.sharing.pairs[self.unit.operations[0]]
+        return multiply_add_registers(
+            self._registers - sums, block_levels(a.width, a.signed, b.width, b.signed)
+        )
+
+    @property
+    def added_after(self) -> int:
+        """The cycles from choosing the operands of a product to adding it."""
+        return self.unit.steps + self.held.apart + self.held.inside
 
     @property
     def kind(self) -> str:
@@ -67,6 +101,7 @@ class SharedUnit(Component):
             taken.append(register)
         build: Callable[[Module, list[Signal]], None] = {
             "multiply": self._multiplies,
+            "multiply_add": self._sums_products,
             "add": self._adds,
             "subtract": self._adds,
         }.get(self.unit.kind, self._divides)
@@ -111,6 +146,15 @@ class SharedUnit(Component):
             return
         m.submodules.core = inner = Multiplier(a, b, self._registers, on_block, typed.logic_product)
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1]), self.result.eq(inner.product)]
+
+    def _sums_products(self, m: Module, taken: list[Signal]) -> None:
+        a, b = (one.shape() for one in taken)
+        m.submodules.core = inner = MultiplyAdd(a, b, self.sums, self.form, self.held)
+        m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1])]
+        m.d.comb += [
+            getattr(inner, port).eq(getattr(self, port)) for port in ("first", "negative", "place", "mode")
+        ]
+        m.d.comb += [self.result.eq(inner.result), self.outside.eq(inner.outside)]
 
     def _adds(self, m: Module, taken: list[Signal]) -> None:
         subtract = self._subtracts(m)

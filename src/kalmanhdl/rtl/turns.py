@@ -5,12 +5,15 @@ from math import ceil, sqrt
 from amaranth.hdl import Cat, Module, Signal, Value
 from amaranth.lib.memory import Memory
 
-from kalmanhdl.graph.operations import Constant, Subtract
+from kalmanhdl.graph.operations import Constant, Subtract, SumOfProducts
+from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl.shapes import fitted
 from kalmanhdl.rtl.shared_unit import SharedUnit
 from kalmanhdl.rtl.timeline import Phases
 from kalmanhdl.rtl.values import Values
+from kalmanhdl.schedule.accumulator import finer, mode
 from kalmanhdl.schedule.plan import Plan
+from kalmanhdl.schedule.results import source
 from kalmanhdl.schedule.storage import File, Port, Read
 
 
@@ -25,12 +28,34 @@ def take_turns(m: Module, phases: Phases, values: Values, unit: SharedUnit, name
         for index in unit.unit.operations:
             words[(plan.start[index] + later) % plan.interval] = 1
         m.d.comb += unit.start.eq(phases.table(f"{name}_start", words, 1))
+    if unit.kind == "multiply_add":
+        _sum_products(m, phases, values, unit, name)
     if "subtract" in unit.signature.members:
         words = [0] * plan.interval
         for index in unit.unit.operations:
             operation = plan.typed.graph.operations[index]
             words[(plan.start[index] + later) % plan.interval] = int(isinstance(operation, Subtract))
         m.d.comb += unit.subtract.eq(phases.table(f"{name}_subtract", words, 1))
+
+
+def _sum_products(m: Module, phases: Phases, values: Values, unit: SharedUnit, name: str) -> None:
+    """What becomes of each product in the cycle in which it is added, and of each sum in the next."""
+    plan, typed = values.plan, values.plan.typed
+    assert isinstance(typed, TypedGraph)
+    first, negative, place, modes = ([0] * plan.interval for _ in range(4))
+    for index in unit.unit.operations:
+        operation = typed.graph.operations[index]
+        assert isinstance(operation, SumOfProducts)
+        added = plan.start[index] + unit.added_after
+        first[added % plan.interval] = 1
+        for cycle, term in enumerate(operation.terms, start=added):
+            negative[cycle % plan.interval] = int(term.negative)
+            place[cycle % plan.interval] = unit.sums.dropped - finer(typed, operation, term)
+        last = (added + len(operation.terms)) % plan.interval
+        modes[last] = unit.sums.modes.index(mode(operation))
+    for field, words in (("first", first), ("negative", negative), ("place", place), ("mode", modes)):
+        port = getattr(unit, field)
+        m.d.comb += port.eq(phases.table(f"{name}_{field}", words, len(port)))
 
 
 class _Chosen:
@@ -117,14 +142,14 @@ class _Chosen:
         interval, name = self._plan.interval, f"{self._name}_file_{number}"
         sources: list[Value] = []
         place: dict[object, int] = {}
-        enable, source, write, written = ([0] * interval for _ in range(4))
+        enable, chosen_from, write, written = ([0] * interval for _ in range(4))
         for entry in file.entries:
             phase = entry.written % interval
-            key = self._values.wires.of(entry.value), entry.shift
+            key = source(self._values.wires.of(entry.value)), entry.shift
             if key not in place:
                 place[key] = len(sources)
                 sources.append(self._fitted(self._values.result(entry.value).shift_left(entry.shift)))
-            enable[phase], source[phase], write[phase] = 1, place[key], entry.slot
+            enable[phase], chosen_from[phase], write[phase] = 1, place[key], entry.slot
             written[phase] = entry.written // interval % file.turns
         read, since = [0] * interval, [0] * interval
         slot = {(entry.value, entry.shift): entry.slot for entry in file.entries}
@@ -136,7 +161,7 @@ class _Chosen:
         self._m.submodules[name] = memory
         into, out = memory.write_port(), memory.read_port(domain="comb")
         table, bits = self._phases.table, (len(sources) - 1).bit_length()
-        chosen = self._selected(table(f"{name}_source", source, bits), sources)
+        chosen = self._selected(table(f"{name}_source", chosen_from, bits), sources)
         self._m.d.comb += [
             into.en.eq(table(f"{name}_enable", enable, 1)),
             into.data.eq(chosen),

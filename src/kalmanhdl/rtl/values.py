@@ -31,6 +31,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -161,6 +163,11 @@ class Values:
                 return self._named(index, self._product(index, operation), self.plan.end(index))
             case Unary() | Binary() | NotFinite():
                 raise AssertionError(f"{operation} in a graph of integers")
+            case SumOfProducts():
+                raise AssertionError(f"{operation} on no unit")
+            case SumOutside(a):
+                flag = self._units[self.wires.unit[a]].outside
+                return self._named(index, flag, self.plan.end(a))
             case Divide() | Reciprocal():
                 return self._named(index, self._quotient(index, operation), self.plan.end(index))
             case _:

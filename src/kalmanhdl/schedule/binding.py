@@ -6,8 +6,12 @@ from dataclasses import dataclass, field
 from kalmanhdl.graph.operations import Constant
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.results import Wire, Wires
-from kalmanhdl.schedule.sharing import Sharing, Unit, order
+from kalmanhdl.schedule.results import Wire, Wires, source
+from kalmanhdl.schedule.sharing import Sharing, Unit, taken
+
+
+# Pair after pair, what each port takes; nothing of constants.
+_Reads = Sequence[tuple[Wire | None, ...]]
 
 
 @dataclass(slots=True)
@@ -19,9 +23,10 @@ class _Bound:
     phases: set[int] = field(default_factory=set)
     ports: tuple[set[Wire | None], ...] = ()
 
-    def growth(self, reads: Sequence[Wire | None]) -> int:
+    def growth(self, reads: _Reads) -> int:
         """How many more choices its ports would have."""
-        return sum(wire not in port for wire, port in zip(reads, self.ports, strict=True))
+        new = (set(wires) - port for wires, port in zip(zip(*reads, strict=True), self.ports, strict=True))
+        return sum(map(len, new))
 
 
 def bound(
@@ -34,7 +39,8 @@ def bound(
     """The operators with their operations.
 
     Operations are taken in the order of their cycles; each goes where it adds the fewest choices, of these
-    to the operator that has fewest. No operator stays without one.
+    to the operator that has fewest. No operator stays without one. Where some take several cycles in a row all
+    are taken in the order of their phases: then an operator that is free in the first stays free.
     """
     kinds, units = sharing.kind(), list[_Bound]()
     places: dict[str, range] = {}
@@ -44,11 +50,15 @@ def bound(
     given = _of_iterative(starts, interval, sharing, places)
     left = {kind: len(who) for kind, who in sharing.operations.items()}
     chosen: dict[int, int] = {}
-    wires = Wires(typed, starts, ends, chosen)
-    for index in sorted(kinds, key=lambda k: (starts[k], k)):
+    around = interval if sharing.pairs else max(starts) + 1
+    for index in sorted(kinds, key=lambda k: (starts[k] % around, k)):
+        # New for each: more operations have their operators, so that more wires are known.
+        wires = Wires(typed, starts, ends, chosen)
         reads = [
-            None if isinstance(typed.graph.operations[k], Constant) else wires.of(k)
-            for k in order(typed, index)
+            tuple(
+                None if isinstance(typed.graph.operations[k], Constant) else source(wires.of(k)) for k in pair
+            )
+            for pair in taken(typed, index)
         ]
         phase = starts[index] % interval
         kind = kinds[index]
@@ -59,17 +69,18 @@ def bound(
         best = min(empty if left[kind] == len(empty) else free, key=lambda k: _cost(units[k], reads, k))
         left[kind] -= 1
         unit = units[best]
-        unit.ports = unit.ports or tuple(set() for _ in reads)
+        unit.ports = unit.ports or tuple(set() for _ in reads[0])
         unit.operations.append(index)
-        unit.phases.add(phase)
-        for wire, port in zip(reads, unit.ports, strict=True):
-            port.add(wire)
+        unit.phases.update(range(phase, phase + len(reads)))
+        for pair in reads:
+            for wire, port in zip(pair, unit.ports, strict=True):
+                port.add(wire)
         chosen[index] = best
     return tuple(
         Unit(
             kind=unit.kind,
             operations=tuple(unit.operations),
-            busy=sharing.cycles(unit.kind),
+            busy=sharing.busy.get(unit.kind, 1),
             steps=sharing.steps(unit.kind),
         )
         for unit in units
@@ -89,8 +100,8 @@ def _of_iterative(
     return found
 
 
-def _cost(unit: _Bound, reads: Sequence[Wire | None], number: int) -> tuple[int, int, int]:
+def _cost(unit: _Bound, reads: _Reads, number: int) -> tuple[int, int, int]:
     if not unit.ports:
         # An operator without operations costs a choice at each port, as a new one at a busy one would.
-        return len(reads), 0, number
+        return len({(port, wire) for pair in reads for port, wire in enumerate(pair)}), 0, number
     return unit.growth(reads), sum(map(len, unit.ports)), number

@@ -10,7 +10,7 @@ from itertools import count
 import numpy as np
 import numpy.typing as npt
 
-from kalmanhdl.graph.operations import Constant, Flag, Input, State, StateFlag, operands
+from kalmanhdl.graph.operations import Constant, Flag, Input, State, StateFlag, SumOfProducts, lags, operands
 from kalmanhdl.schedule.operator import Operator, picoseconds
 from kalmanhdl.schedule.operators import operators
 from kalmanhdl.schedule.plan import Plan
@@ -20,6 +20,9 @@ from kalmanhdl.target.device import Device
 Moment = tuple[int, int]
 # Of a moment in one number: more than the picoseconds of any cycle.
 _CYCLE = 1 << 40
+# Where no path leads, and what is later than that: operands may be there before an operation that takes them late.
+_NOWHERE = -(1 << 61)
+_EARLIEST = -(1 << 60)
 
 
 def problems(plan: Plan, device: Device) -> list[str]:
@@ -66,8 +69,8 @@ def _sources(plan: Plan) -> Iterator[str]:
 def _order(plan: Plan) -> Iterator[str]:
     graph = plan.typed.graph
     for index, operation in enumerate(graph.operations):
-        for k in operands(operation):
-            if not isinstance(graph.operations[k], Constant) and plan.end(k) > plan.start[index]:
+        for k, lag in zip(operands(operation), lags(operation), strict=True):
+            if not isinstance(graph.operations[k], Constant) and plan.end(k) > plan.start[index] + lag:
                 yield (
                     f"{_name(plan, index)} starts in cycle {plan.start[index]}, before its operand "
                     f"{_name(plan, k)} is there in cycle {plan.end(k)}"
@@ -110,9 +113,12 @@ def _turns(plan: Plan) -> Iterator[str]:
     """Operations that share an operator: one at a time, each on one operator only, all equally long."""
     seen: dict[int, int] = {}
     for number, unit in enumerate(plan.units):
-        busy: dict[int, int] = {}
+        busy, lengths = dict[int, int](), set[int]()
         for index in unit.operations:
-            for cycle in range(plan.start[index], plan.start[index] + unit.busy):
+            operation = plan.typed.graph.operations[index]
+            pairs = len(operation.terms) if isinstance(operation, SumOfProducts) else 1
+            lengths.add(plan.registers[index] - pairs)
+            for cycle in range(plan.start[index], plan.start[index] + max(unit.busy, pairs)):
                 phase = cycle % plan.interval
                 if phase in busy:
                     yield (
@@ -125,7 +131,7 @@ def _turns(plan: Plan) -> Iterator[str]:
             seen[index] = number
             if unit.busy > 1 and plan.registers[index] != unit.busy + unit.steps:
                 yield f"{_name(plan, index)} holds {plan.registers[index]} registers for {unit.busy} clocks"
-        if len({plan.registers[index] for index in unit.operations}) > 1 or not unit.operations:
+        if len(lengths) != 1:
             yield f"operator {number} ({unit.kind}) has operations of different length, or none"
         if any(plan.registers[index] < unit.steps for index in unit.operations):
             yield f"operator {number} ({unit.kind}) has no registers for its operands"
@@ -161,7 +167,11 @@ def _stages(plan: Plan, library: tuple[Operator, ...], device: Device) -> Iterat
             yield f"{_name(plan, index)} holds {held} registers, but has room for {library[index].capacity}"
             return
         begin = plan.start[index]
-        chained = [values[k][1] for k in operands(operation) if values[k][0] == begin]
+        chained = [
+            values[k][1]
+            for k, lag in zip(operands(operation), lags(operation), strict=True)
+            if values[k][0] == begin + lag
+        ]
         parts = list(library[index].stages(held))
         if isinstance(operation, State | StateFlag):
             parts[0] += read
@@ -228,12 +238,14 @@ def _edges(
     tails = _tails(plan, device)
     depths = _depths(library, tails, limit)
     parts = [operator.derated(depth) for operator, depth in zip(library, depths, strict=True)]
-    before = list(map(operands, graph.operations))
+    before = [list(zip(operands(o), lags(o), strict=True)) for o in graph.operations]
     rows = [row for row, (name, _) in enumerate(graph.states) if name in reads]
     sources = [reads[graph.states[row][0]] for row in rows]
     ends = _walk(parts, before, tails, limit, sources, delays[0])
     for column, (_, root) in enumerate(graph.states):
-        edges[rows, column] = np.where(ends[root] < 0, -np.inf, ends[root] + 1 + plan.context_overhead)
+        edges[rows, column] = np.where(
+            ends[root] < _EARLIEST, -np.inf, ends[root] + 1 + plan.context_overhead
+        )
     return edges
 
 
@@ -252,21 +264,24 @@ def _depths(library: tuple[Operator, ...], tails: Sequence[int], limit: int) -> 
 
 def _walk(
     parts: Sequence[Sequence[int]],
-    before: Sequence[Sequence[int]],
+    before: Sequence[Sequence[tuple[int, int]]],
     tails: Sequence[int],
     limit: int,
     sources: Sequence[int],
     read: int,
 ) -> list[npt.NDArray[np.int64]]:
-    """The earliest end cycle of every operation after each of ``sources`` is read in cycle 0; -1: no path."""
+    """The earliest end cycle of every operation after each of ``sources`` is read in cycle 0.
+
+    Below ``_EARLIEST`` there is no path. ``before`` gives the operands with their lags.
+    """
     ends: list[npt.NDArray[np.int64]] = []
-    own = {source: np.where(np.arange(len(sources)) == k, read, -1) for k, source in enumerate(sources)}
-    nowhere = np.full(len(sources), -1)
+    own = {source: np.where(np.arange(len(sources)) == k, read, _NOWHERE) for k, source in enumerate(sources)}
+    nowhere = np.full(len(sources), _NOWHERE)
     for index, ((first, *rest), reads) in enumerate(zip(parts, before, strict=True)):
-        ready = np.max([ends[k] for k in reads], axis=0) if reads else nowhere
+        ready = np.max([ends[k] - lag * _CYCLE for k, lag in reads], axis=0) if reads else nowhere
         offset = ready % _CYCLE
         late = (offset > 0) & (bool(rest) | (offset + first + tails[index] > limit))
         begin = np.where(late, ready - offset + _CYCLE, ready)
         end = begin - begin % _CYCLE + len(rest) * _CYCLE + rest[-1] if rest else begin + first
-        ends.append(np.where(ready < 0, own.get(index, -1), end))
+        ends.append(np.where(ready < _EARLIEST, own.get(index, _NOWHERE), end))
     return [end // _CYCLE for end in ends]

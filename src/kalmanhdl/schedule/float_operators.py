@@ -42,6 +42,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -113,7 +115,7 @@ def _pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
             return (one(("compare", form.width)),)
         case And() | Or():
             return (one(("select", 1)),)
-        case Quantise() | Bits() | Outside() | Binary():
+        case Quantise() | Bits() | Outside() | SumOfProducts() | SumOutside() | Binary():
             raise AssertionError(f"{operation} in the hardware of floating-point numbers")
         case _:
             assert_never(operation)

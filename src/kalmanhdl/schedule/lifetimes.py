@@ -7,7 +7,17 @@ held until the last of them is there, since they leave together. States are stor
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kalmanhdl.graph.operations import Coefficient, Constant, Flag, Graph, Input, State, StateFlag, operands
+from kalmanhdl.graph.operations import (
+    Coefficient,
+    Constant,
+    Flag,
+    Graph,
+    Input,
+    State,
+    StateFlag,
+    lags,
+    operands,
+)
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.placement import CYCLE_BITS, OFFSET_MASK, Pace
@@ -46,8 +56,8 @@ def last_reads(graph: Graph, starts: Sequence[int], ends: Sequence[int]) -> list
     """The last cycle in which each value is read; its own where nothing reads it."""
     last = list(ends)
     for index, operation in enumerate(graph.operations):
-        for k in operands(operation):
-            last[k] = max(last[k], starts[index])
+        for k, lag in zip(operands(operation), lags(operation), strict=True):
+            last[k] = max(last[k], starts[index] + lag)
     leave = result_cycle(graph, ends)
     for _, root in graph.outputs:
         last[root] = leave

@@ -57,8 +57,11 @@ class Operator:
 
     def stages(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages when it holds so many registers, ``fewest`` at least."""
-        inner = _stages(self.pieces, self.weights or self.pieces, registers - self._around)
-        return (*self.fetch, *inner, *((0,) * self.kept))
+        return (*self.fetch, *self._inside(registers - self._around), *((0,) * self.kept))
+
+    def _inside(self, registers: int) -> tuple[int, ...]:
+        """The pieces with so many registers between them."""
+        return _stages(self.pieces, self.weights or self.pieces, registers)
 
     def derated(self, registers: int) -> tuple[int, ...]:
         """The delays of its stages as a placement found them; the choice of operands as it is."""
@@ -94,6 +97,65 @@ class Operator:
             if least == floor:
                 break
         return least
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MultiplyAdd(Operator):
+    """A sum of so many ``pairs``: a product, the ``add`` that follows each, and what ``ends`` their sum.
+
+    The ``pieces`` are those of the product. Behind every sum stands its register.
+    """
+
+    add: int
+    ends: int
+    pairs: int = 1
+
+    @property
+    def delay(self) -> int:
+        """Picoseconds from the operands of one product to the value."""
+        return round((sum(self.pieces) + self.add + self.ends) * self.derate)
+
+    @property
+    def capacity(self) -> int:
+        """All that ``MultiplyAddRegisters`` can name."""
+        return self.fewest + len(self.pieces) + 1
+
+    @property
+    def fewest(self) -> int:
+        """Those of the operands, and those of the sum so far after each product."""
+        return len(self.fetch) + self.pairs
+
+    def stages(self, registers: int) -> tuple[int, ...]:
+        """The delays of its stages: the sum's once for each product."""
+        held = multiply_add_registers(registers - self.fewest, len(self.pieces))
+        *first, last = self._inside(held.inside)
+        front = (*first, last, self.add) if held.apart else (*first, last + self.add)
+        sums = (self.add,) * (self.pairs - 1)
+        return (*self.fetch, *front, *sums, self.ends, *((0,) * held.kept))
+
+    def shortest_stage(self, tail: int) -> int:
+        """The least budget that it fits into with any number of registers, by the table."""
+        stages = self.stages(self.capacity)
+        return max(*stages, stages[-1] + tail)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MultiplyAddRegisters:
+    """Where a multiply-add unit holds registers besides those of operands and sum.
+
+    ``apart``: between product and sum; ``inside`` the product; ``kept``: behind the quantisation.
+    """
+
+    apart: bool
+    inside: int
+    kept: bool
+
+
+def multiply_add_registers(count: int, pieces: int) -> MultiplyAddRegisters:
+    """The places of so many registers, of a product of so many pieces: between product and sum first."""
+    apart = count > 0
+    inside = min(count - apart, pieces - 1)
+    return MultiplyAddRegisters(apart=apart, inside=inside, kept=count - apart - inside > 0)
 
 
 def picoseconds(nanoseconds: float) -> int:

@@ -47,6 +47,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
     operands,
@@ -55,8 +57,9 @@ from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.signed_digits import FEW_DIGITS
 from kalmanhdl.numerics.typed import Interval, TypedGraph
 from kalmanhdl.schedule.float_operators import asked, float_operator, is_float_multiplier
-from kalmanhdl.schedule.operator import Operator, kind_of, picoseconds
-from kalmanhdl.schedule.sharing import NONE_SHARED, Sharing, core
+from kalmanhdl.schedule.operator import MultiplyAdd, Operator, kind_of, picoseconds
+from kalmanhdl.schedule.accumulator import accumulator
+from kalmanhdl.schedule.sharing import NONE_SHARED, Core, Sharing, core
 from kalmanhdl.target.device import Device
 
 # Operands of so few turns are chosen among registers.
@@ -76,13 +79,19 @@ def operators(
     for kind, who in shared.operations.items():
         made = _turned(typed, kind, shared, device, on_block)
         # The one row of an iterative operator cannot be cut.
-        turns |= dict.fromkeys(who, made if kind in shared.busy else _derated(made, device))
+        made = made if kind in shared.busy else _derated(made, device)
+        turns |= {index: _taking(made, shared.pairs.get(index, 1)) for index in who}
     return tuple(
         turns[index]
         if index in turns
         else _derated(operator(typed, index, device, index in on_block), device)
         for index in range(len(typed.graph.operations))
     )
+
+
+def _taking(made: Operator, pairs: int) -> Operator:
+    """The operator for a sum of so many products: it adds for as many cycles."""
+    return replace(made, pairs=pairs) if isinstance(made, MultiplyAdd) else made
 
 
 def _derated(made: Operator, device: Device) -> Operator:
@@ -154,10 +163,34 @@ def _integer_operator(
         case "multiply":
             on_blocks = bool(on_block & frozenset(who))
             return _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
+        case "multiply_add":
+            return _multiply_add(typed, made, who, device)
         case "add" | "subtract":
             return Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
         case _:
             return division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
+
+
+def _multiply_add(typed: TypedGraph, made: Core, who: tuple[int, ...], device: Device) -> MultiplyAdd:
+    """A product, its place in the sum, the sum, the quantisation of that."""
+    product = _product(made.operands[0].form, made.operands[1].form, device, True)
+    sums, width = accumulator(typed, who), made.form.width
+    place = _delay(device, "shift", sums.lifts + 1) if sums.lifts else 0
+    rounding = _delay(device, "add", width) if sums.rounds else 0
+    limits = _delay(device, "compare", sums.width - sums.dropped) + _delay(device, "select", width)
+    return MultiplyAdd(
+        kind="multiply_add",
+        pieces=product.pieces,
+        weights=product.weights,
+        blocks=product.blocks,
+        add=place + _delay(device, "add", sums.width),
+        ends=rounding + limits + _levels(len(sums.modes)) * _delay(device, "select", width),
+    )
+
+
+def _levels(choices: int) -> int:
+    """Levels of logic that choose one of so many."""
+    return ceil(log(choices, 4)) if choices > 1 else 0
 
 
 def _fetch(device: Device, width: int, turns: int, steps: int) -> tuple[int, ...]:
@@ -180,7 +213,7 @@ def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_bloc
     match operation:
         case Input() | Flag() | State() | StateFlag() | Constant():
             return Operator(kind=kind_of(operation), pieces=(0,))
-        case Shift() | Bits() | Not() | Negative():
+        case Shift() | Bits() | Not() | Negative() | SumOutside():
             return Operator(kind=kind_of(operation), pieces=(0,))
         case Add(a, b) | Subtract(a, b):
             return _wired(operation, _adder(typed, index, a, b, device))
@@ -199,6 +232,9 @@ def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_bloc
             return _wired(operation, _delay(device, "select", 1))
         case Divide() | Reciprocal():
             return _quotient(typed, index, device, on_block)
+        case SumOfProducts(terms):
+            one = shared_operator(typed, "multiply_add", (index,), device, 1, frozenset((index,)))
+            return _taking(one, len(terms))
         case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")
         case _:
@@ -217,6 +253,8 @@ def is_multiplier(typed: TypedGraph | FloatGraph, index: int) -> bool:
             and method.iterations > 0
             and not in_one_table(_operand(typed, operation.a), method)
         )
+    if isinstance(operation, SumOfProducts):
+        return True
     if not isinstance(operation, Multiply):
         return False
     return min(rows(typed, operation.a), rows(typed, operation.b)) > FEW_DIGITS

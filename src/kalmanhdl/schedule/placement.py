@@ -5,11 +5,11 @@ Placing an operation is monotone in the times of its operands and commutes with 
 cycles, so that the latest of several paths decides and paths can be followed one by one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from kalmanhdl.graph.operations import Constant, Graph, State, StateFlag, operands
+from kalmanhdl.graph.operations import Constant, Graph, State, StateFlag, SumOfProducts, lags, operands
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.operator import Operator, picoseconds
@@ -26,6 +26,8 @@ class Step:
     """One step of a filter as operators: what does not change with the clock period.
 
     ``tails[k]`` is what must still follow operation k within its last cycle: the write to the context.
+    ``lags[k]`` says for each operand how many cycles after its start the operation takes it, where it does not
+    take all at once.
     """
 
     graph: Graph
@@ -34,6 +36,19 @@ class Step:
     tails: tuple[int, ...]
     register: int
     context_overhead: int
+    lags: Mapping[int, tuple[int, ...]]
+
+    def awaited(self, index: int) -> Iterator[tuple[int, int]]:
+        """The operands of an operation, each with its lag as a time."""
+        reads = self.operands[index]
+        for k, lag in zip(reads, self.lags.get(index) or (0,) * len(reads), strict=True):
+            yield k, lag << CYCLE_BITS
+
+    def ready(self, index: int, times: Sequence[int], default: int) -> int:
+        """When an operation has its operands in time; ``default`` where it has none."""
+        if index in self.lags:
+            return max(times[k] - lag for k, lag in self.awaited(index))
+        return max((times[k] for k in self.operands[index]), default=default)
 
     @property
     def shortest_period(self) -> int:
@@ -103,6 +118,7 @@ def step_of(
         tails=tuple(tails),
         register=picoseconds(device.delay_ns("register", 1)),
         context_overhead=int(memory),
+        lags={k: lags(o) for k, o in enumerate(graph.operations) if isinstance(o, SumOfProducts)},
     )
 
 
@@ -132,7 +148,7 @@ def earliest(pace: Pace, reads: Mapping[int, int]) -> tuple[list[int], list[int]
     starts: list[int] = []
     times: list[int] = []
     for index, operation in enumerate(pace.step.graph.operations):
-        ready = max((times[k] for k in pace.step.operands[index]), default=reads.get(index, 0) << CYCLE_BITS)
+        ready = pace.step.ready(index, times, reads.get(index, 0) << CYCLE_BITS)
         if isinstance(operation, Constant):
             ready = 0
         start, time = place(

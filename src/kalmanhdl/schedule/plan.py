@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
-from kalmanhdl.schedule.sharing import Sharing, Unit
+from kalmanhdl.schedule.sharing import Sharing, Unit, pairs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +58,7 @@ class Plan:
             counts=counts,
             operations={kind: tuple(sorted(who)) for kind, who in found.items()},
             busy={unit.kind: unit.busy for unit in self.units if unit.busy > 1},
+            pairs=pairs(self.typed.graph.operations, found.get("multiply_add", ())),
             two_steps=frozenset(unit.kind for unit in self.units if unit.steps > 1),
         )
 

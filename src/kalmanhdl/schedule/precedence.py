@@ -5,7 +5,7 @@ placing them commutes with a shift by whole cycles and the latest operand decide
 points is one whole number of cycles, whatever the schedule is.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from kalmanhdl.graph.operations import Constant, State, StateFlag
@@ -49,7 +49,7 @@ def precedence(pace: Pace, sharing: Sharing) -> Precedence:
     after: dict[int, dict[int, int]] = {}
     times: list[dict[int, int]] = []
     for index, operation in enumerate(graph.operations):
-        ready = _latest(times, pace.step.operands[index])
+        ready = _latest(times, pace.step.awaited(index))
         if isinstance(operation, Constant):
             times.append({})
         elif index in kinds:
@@ -69,15 +69,16 @@ def precedence(pace: Pace, sharing: Sharing) -> Precedence:
         shared=tuple(sorted(kinds)),
         after=after,
         loops=tuple(loops),
-        ends=_cycles(_latest(times, graph.roots)),
+        ends=_cycles(_latest(times, ((root, 0) for root in graph.roots))),
     )
 
 
-def _latest(times: list[dict[int, int]], indices: tuple[int, ...]) -> dict[int, int]:
+def _latest(times: list[dict[int, int]], awaited: Iterable[tuple[int, int]]) -> dict[int, int]:
+    """The latest times, each less the lag that comes with its operation."""
     found: dict[int, int] = {}
-    for index in indices:
+    for index, lag in awaited:
         for point, at in times[index].items():
-            found[point] = max(found.get(point, 0), at)
+            found[point] = max(found.get(point, at - lag), at - lag)
     return found
 
 

@@ -15,6 +15,8 @@ from kalmanhdl.schedule.placement import CYCLE_BITS, OFFSET_MASK, Pace
 Cycles = npt.NDArray[np.int64]
 # No path leads from one to the other; half the range, so that sums stay below zero.
 _NO_PATH = np.int64(-(1 << 61))
+# Operands that are taken late may be there before their operation starts: times down to this are paths.
+_EARLIEST = np.int64(-(1 << 60))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ def recurrence(pace: Pace) -> Recurrence:
         .reshape(len(names), len(names) + 1)
         .T
     )
-    weights = np.where(ends < 0, _NO_PATH, (ends >> CYCLE_BITS) + least)
+    weights = np.where(ends < _EARLIEST, _NO_PATH, (ends >> CYCLE_BITS) + least)
     return Recurrence(
         names=names,
         operations=tuple(sources.get(name) for name in names),
@@ -107,10 +109,13 @@ def recurrence(pace: Pace) -> Recurrence:
 def _times(pace: Pace, columns: dict[int, int], count: int) -> list[Cycles]:
     """The time of every operation, one element a source: the states, then the inputs."""
     times: list[Cycles] = []
-    for index, reads in enumerate(pace.step.operands):
-        ready = times[reads[0]] if reads else _source(columns.get(index, count), count)
-        for k in reads[1:]:
-            ready = np.maximum(ready, times[k])
+    for index in range(len(pace.step.operands)):
+        ready: Cycles | None = None
+        for k, lag in pace.step.awaited(index):
+            there = times[k] - lag if lag else times[k]
+            ready = there if ready is None else np.maximum(ready, there)
+        if ready is None:
+            ready = _source(columns.get(index, count), count)
         times.append(_placed(pace, index, ready))
     return times
 
@@ -129,7 +134,7 @@ def _placed(pace: Pace, index: int, ready: Cycles) -> Cycles:
     full = offset + ((last + tail) if not registers else pace.budget) > pace.budget
     begin = np.where(full & (offset > 0), ready - offset + (1 << CYCLE_BITS), ready)
     times: Cycles = begin + (registers << CYCLE_BITS) + last
-    return np.where(ready < 0, _NO_PATH, times)
+    return np.where(ready < _EARLIEST, _NO_PATH, times)
 
 
 def _greatest_mean(weights: Cycles) -> int:

@@ -5,7 +5,7 @@ cycle; and what only rounds or judges such a result in that cycle is built once 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
 from kalmanhdl.graph.operations import Bits, Divide, Negative, Outside, Quantise, Reciprocal, Shift
@@ -56,6 +56,11 @@ class Cut:
 
 
 Wire = FromUnit | Own | Rounded | Moved | Cut
+
+
+def source(wire: Wire) -> Wire:
+    """What raw integers come from, wherever their binary point stands."""
+    return replace(wire, fraction=0) if isinstance(wire, FromUnit) else wire
 
 
 @dataclass(slots=True)

@@ -4,7 +4,7 @@ A shared operator works on raw integers. Operands come to it shifted left, which
 operator serves operations of different formats: sums are aligned, and divisions are brought to one exponent.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 
@@ -13,7 +13,17 @@ from kalmanhdl.arithmetic.division_structure import ONE, Operand, inner, long_st
 from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.arithmetic.product_structure import serial_rows
 from kalmanhdl.graph.kinds import ITERATIVE, KINDS, kind_of, limit
-from kalmanhdl.graph.operations import Add, Constant, Divide, Multiply, Reciprocal, Subtract, operands
+from kalmanhdl.graph.operations import (
+    Add,
+    Constant,
+    Divide,
+    Multiply,
+    Operation,
+    Reciprocal,
+    Subtract,
+    SumOfProducts,
+    operands,
+)
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.wanted import refused
@@ -36,14 +46,16 @@ class Unit:
 class Sharing:
     """How many operators of each kind there are, and which operations take turns on them.
 
-    An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval, and
-    any other operator for one cycle. Operands are chosen in one cycle, or in two for kinds in ``two_steps``.
+    An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval. Any
+    other operator takes one pair of operands a cycle: of a sum of products there are ``pairs``, in cycles one
+    after the other that lie within one interval as well. Operands are chosen in one cycle, or in two for kinds in ``two_steps``.
     """
 
     counts: dict[str, int]
     operations: dict[str, tuple[int, ...]]
     busy: dict[str, int] = field(default_factory=dict)
     two_steps: frozenset[str] = frozenset()
+    pairs: dict[int, int] = field(default_factory=dict)
 
     def kind(self) -> dict[int, str]:
         """The kind of the shared operator of each operation that has one."""
@@ -52,12 +64,17 @@ class Sharing:
     @property
     def bound(self) -> int:
         """The least interval in which every operation finds its turn."""
-        turns = (self.cycles(k) * ceil(len(self.operations[k]) / n) for k, n in self.counts.items())
-        return max(turns, default=1)
+        return max((self._turns(kind, count) for kind, count in self.counts.items()), default=1)
 
-    def cycles(self, kind: str) -> int:
-        """For how many cycles an operation takes an operator."""
-        return self.busy.get(kind, 1)
+    def _turns(self, kind: str, count: int) -> int:
+        cycles = [self.cycles(kind, index) for index in self.operations[kind]]
+        if len(set(cycles)) == 1:
+            return cycles[0] * ceil(len(cycles) / count)
+        return max(*cycles, ceil(sum(cycles) / count))
+
+    def cycles(self, kind: str, index: int) -> int:
+        """For how many cycles an operation takes an operator of its kind."""
+        return self.busy.get(kind) or self.pairs.get(index, 1)
 
     def steps(self, kind: str) -> int:
         """In how many cycles the operands of an operator are chosen."""
@@ -103,7 +120,8 @@ def sharing(
         if word is not None and index not in apart:
             found.setdefault(word, []).append(index)
     counts = {kind: limit(kind, units) or 0 for kind in found}
-    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind] or kind in iterative}
+    always = {*iterative, "multiply_add"}
+    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind] or kind in always}
     for kind, who in shared.items():
         if counts[kind] < 1:
             raise refused(f"units.{kind}", f" is {counts[kind]}: use 1 or more")
@@ -112,7 +130,13 @@ def sharing(
         counts={kind: min(counts[kind], len(who)) for kind, who in shared.items()},
         operations=shared,
         busy={kind: _busy(typed, kind, who) for kind, who in shared.items() if kind in iterative},
+        pairs=pairs(typed.graph.operations, shared.get("multiply_add", ())),
     )
+
+
+def pairs(operations: Sequence[Operation], who: Iterable[int]) -> dict[int, int]:
+    """The numbers of products of sums of products."""
+    return {k: len(o.terms) for k in who if isinstance(o := operations[k], SumOfProducts)}
 
 
 def _busy(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> int:
@@ -151,13 +175,13 @@ def core(typed: TypedGraph | FloatGraph, kind: str, who: tuple[int, ...]) -> Cor
     """The operator on which all these operations can take turns."""
     if isinstance(typed, FloatGraph):
         return _encoded_core(typed, kind, who)
-    reads = [_operands_at_port(typed, index, who) for index in who]
+    reads = [pair for index in who for pair in _operands_at_ports(typed, index, who)]
     ports = tuple(_union(port) for port in zip(*reads, strict=True))
     return Core(kind=kind, operands=ports, form=_result(typed, kind, who, ports))
 
 
 def shifts(typed: TypedGraph | FloatGraph, index: int, who: tuple[int, ...]) -> tuple[int, ...]:
-    """By how many bits each operand is shifted left at the ports of the operator shared by ``who``."""
+    """By how many bits what comes to each port of the operator shared by ``who`` is shifted left."""
     operation = typed.graph.operations[index]
     if isinstance(typed, FloatGraph):
         return (0,) * len(operands(operation))
@@ -169,6 +193,8 @@ def shifts(typed: TypedGraph | FloatGraph, index: int, who: tuple[int, ...]) -> 
             return 0, exponent(typed, who) - _exponent(typed, index)
         case Reciprocal():
             return (exponent(typed, who) - _exponent(typed, index),)
+        case SumOfProducts():
+            return 0, 0
         case _:
             return (0,) * len(operands(operation))
 
@@ -194,13 +220,23 @@ def exponent(typed: TypedGraph, who: tuple[int, ...]) -> int:
     return max(_exponent(typed, index) for index in who)
 
 
-def order(typed: TypedGraph | FloatGraph, index: int) -> tuple[int, ...]:
-    """The operands of an operation in the order of the ports: a product's narrower one, or constant, last."""
+def taken(typed: TypedGraph | FloatGraph, index: int) -> tuple[tuple[int, ...], ...]:
+    """The operands of an operation in the order of the ports, in each of the cycles in which it takes some.
+
+    Of a product the narrower one, or a constant, comes last.
+    """
     operation = typed.graph.operations[index]
+    if isinstance(operation, SumOfProducts):
+        assert isinstance(typed, TypedGraph)
+        return tuple(_narrow_last(typed, (term.a, term.b)) for term in operation.terms)
     reads = operands(operation)
     if isinstance(operation, Multiply) and isinstance(typed, TypedGraph):
-        return tuple(sorted(reads, key=lambda k: (_is_constant(typed, k), -_form(typed, k).width)))
-    return reads
+        reads = _narrow_last(typed, reads)
+    return (reads,)
+
+
+def _narrow_last(typed: TypedGraph, reads: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(sorted(reads, key=lambda k: (_is_constant(typed, k), -_form(typed, k).width)))
 
 
 def _exponent(typed: TypedGraph, index: int) -> int:
@@ -214,14 +250,20 @@ def _exponent(typed: TypedGraph, index: int) -> int:
             raise AssertionError(operation)
 
 
-def _operands_at_port(typed: TypedGraph, index: int, who: tuple[int, ...]) -> list[Operand]:
-    found = []
-    for k, shift in zip(order(typed, index), shifts(typed, index, who), strict=True):
-        interval, form = typed.intervals[k], _form(typed, k)
-        assert interval is not None
-        moved = Fixed(width=form.width + shift, fraction=0, signed=form.signed)
-        found.append(Operand(form=moved, low=interval.low << shift, high=interval.high << shift))
-    return found
+def _operands_at_ports(typed: TypedGraph, index: int, who: tuple[int, ...]) -> list[list[Operand]]:
+    """What comes to each port, cycle after cycle."""
+    moved = shifts(typed, index, who)
+    return [
+        [_operand_at_port(typed, k, shift) for k, shift in zip(reads, moved, strict=True)]
+        for reads in taken(typed, index)
+    ]
+
+
+def _operand_at_port(typed: TypedGraph, index: int, shift: int) -> Operand:
+    interval, form = typed.intervals[index], _form(typed, index)
+    assert interval is not None
+    moved = Fixed(width=form.width + shift, fraction=0, signed=form.signed)
+    return Operand(form=moved, low=interval.low << shift, high=interval.high << shift)
 
 
 def _union(port: Iterable[Operand]) -> Operand:
@@ -242,11 +284,17 @@ def _result(typed: TypedGraph, kind: str, who: tuple[int, ...], ports: tuple[Ope
             return Fixed(width=sum(port.form.width for port in ports), fraction=0, signed=signed)
         case "add" | "subtract":
             return Fixed(width=max(p.form.width + (not p.form.signed) for p in ports) + 1, fraction=0)
+        case "multiply_add":
+            return _widest(typed, who, 0)
         case _:
-            forms = [_form(typed, index) for index in who]
-            signed = any(form.signed for form in forms)
-            width = max(form.width + (signed and not form.signed) for form in forms)
-            return Fixed(width=width, fraction=exponent(typed, who), signed=signed)
+            return _widest(typed, who, exponent(typed, who))
+
+
+def _widest(typed: TypedGraph, who: tuple[int, ...], fraction: int) -> Fixed:
+    forms = [_form(typed, index) for index in who]
+    signed = any(form.signed for form in forms)
+    width = max(form.width + (signed and not form.signed) for form in forms)
+    return Fixed(width=width, fraction=fraction, signed=signed)
 
 
 def _is_constant(typed: TypedGraph, index: int) -> bool:

@@ -126,8 +126,9 @@ def _follow(model: "CpModel", problem: Problem, points: Points) -> None:
 def _take_turns(model: "CpModel", problem: Problem, points: Points) -> None:
     interval = problem.interval
     for kind, who in problem.sharing.operations.items():
-        taken, busy = [], problem.sharing.cycles(kind)
+        taken = []
         for index in who:
+            busy = problem.sharing.cycles(kind, index)
             phase = model.new_int_var(0, interval - busy, f"p{index}")
             turn = model.new_int_var(0, problem.latency // interval, f"t{index}")
             model.add(points[index] == interval * turn + phase)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from kalmanhdl.graph.operations import Coefficient, Constant, Flag, Input, State, StateFlag
 from kalmanhdl.schedule.plan import Plan
-from kalmanhdl.schedule.results import Wire, Wires
-from kalmanhdl.schedule.sharing import Unit, order, shifts
+from kalmanhdl.schedule.results import Wire, Wires, source
+from kalmanhdl.schedule.sharing import Unit, shifts, taken
 
 # A memory for fewer values than this costs more than their registers.
 _LEAST_ENTRIES = 4
@@ -88,12 +88,13 @@ def ports(plan: Plan, unit: Unit) -> tuple[Port, ...]:
     """The operand ports of a shared operator."""
     typed, stand, wire_of = plan.typed, standing(plan), wires(plan)
     kind = plan.sharing.operations[unit.kind]
-    count = len(order(typed, unit.operations[0]))
+    count = len(taken(typed, unit.operations[0])[0])
     reads: list[list[Read]] = [[] for _ in range(count)]
     for index in unit.operations:
         moved = shifts(typed, index, kind)
-        for port, (value, shift) in enumerate(zip(order(typed, index), moved, strict=True)):
-            reads[port].append(Read(operation=index, value=value, shift=shift, cycle=plan.start[index]))
+        for cycle, pair in enumerate(taken(typed, index), start=plan.start[index]):
+            for port, (value, shift) in enumerate(zip(pair, moved, strict=True)):
+                reads[port].append(Read(operation=index, value=value, shift=shift, cycle=cycle))
     return tuple(_port(plan, found, stand, wire_of) for found in reads)
 
 
@@ -101,7 +102,7 @@ def _port(plan: Plan, reads: list[Read], stand: tuple[int, ...], wire_of: Wires)
     groups: dict[tuple[Wire, int], dict[int, Entry]] = {}
     for read in reads:
         if read.cycle > stand[read.value]:
-            group = groups.setdefault((wire_of.of(read.value), read.shift), {})
+            group = groups.setdefault((source(wire_of.of(read.value)), read.shift), {})
             entry = group.get(read.value) or Entry(
                 value=read.value, shift=read.shift, written=plan.end(read.value), last=read.cycle
             )

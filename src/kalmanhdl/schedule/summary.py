@@ -14,6 +14,7 @@ from kalmanhdl.graph.operations import (
     Shift,
     State,
     StateFlag,
+    lags,
     operands,
 )
 from kalmanhdl.schedule.lifetimes import result_cycle, widths
@@ -96,7 +97,7 @@ def summarise(plan: Plan, device: Device) -> Summary:
         busy=tuple(map(_sorted, busy)),
         multiplier_blocks=sum(library[index].blocks for index in _built(plan) & plan.on_multiplier_block),
         register_bits=_register_bits(plan, bits),
-        operator_register_bits=sum(plan.registers[index] * bits[index] for index in _built(plan)),
+        operator_register_bits=sum(_inside(plan, index) * bits[index] for index in _built(plan)),
         memory_bits=sum(_memory_bits(plan, unit) for unit in plan.units),
         loop=_critical_loop(plan, device),
         rows=rows,
@@ -117,6 +118,11 @@ def _built(plan: Plan) -> frozenset[int]:
     return frozenset(range(len(plan.start))) - waiting
 
 
+def _inside(plan: Plan, index: int) -> int:
+    """The registers one after the other in an operator."""
+    return plan.registers[index] - plan.sharing.pairs.get(index, 1) + 1
+
+
 def _register_bits(plan: Plan, bits: list[int]) -> int:
     """What stands in registers between operators: neither where it is made nor in a memory."""
     operations, ends = plan.typed.graph.operations, list(map(plan.end, range(len(plan.start))))
@@ -129,9 +135,9 @@ def _register_bits(plan: Plan, bits: list[int]) -> int:
     }
     last, leave = list(ends), result_cycle(plan.typed.graph, ends)
     for index, operation in enumerate(operations):
-        for k in operands(operation):
+        for k, lag in zip(operands(operation), lags(operation), strict=True):
             if (index, k) not in filed:
-                last[k] = max(last[k], plan.start[index])
+                last[k] = max(last[k], plan.start[index] + lag)
     for _, root in plan.typed.graph.outputs:
         last[root] = leave
     return sum(

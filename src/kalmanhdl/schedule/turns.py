@@ -63,12 +63,12 @@ def at_cycles(pace: Pace, sharing: Sharing, cycles: Mapping[int, int]) -> Turns:
     """
     kinds, operations, step = sharing.kind(), pace.step.graph.operations, pace.step
     starts, times = list[int](), list[int]()
-    for index, operands in enumerate(step.operands):
+    for index in range(len(operations)):
         registers, last = pace.registers[index], pace.lasts[index]
         if index in kinds:
             start, time = cycles[index], ((cycles[index] + registers) << CYCLE_BITS) + last
         else:
-            ready = max((times[k] for k in operands), default=cycles.get(index, 0) << CYCLE_BITS)
+            ready = step.ready(index, times, cycles.get(index, 0) << CYCLE_BITS)
             if isinstance(operations[index], Constant):
                 ready = 0
             start, time = place(ready, registers, last, step.tails[index], pace.budget)
@@ -99,24 +99,24 @@ def _placed(
     reads: Mapping[int, int],
     priority: list[int],
 ) -> tuple[list[int], list[int]] | None:
-    """Start cycles and times; None where iterative operators have no place for an operation any more."""
+    """Start cycles and times; None where an operation finds no cycles in a row any more."""
     counts = sharing.counts
-    operations, reading, budget = pace.step.graph.operations, pace.step.operands, pace.budget
+    operations, step, budget = pace.step.graph.operations, pace.step, pace.budget
     registers, lasts, tails = pace.registers, pace.lasts, pace.step.tails
     starts, times = [0] * len(operations), [0] * len(operations)
     taken = {kind: [0] * interval for kind in counts}
     for index in priority:
-        ready = max((times[k] for k in reading[index]), default=reads.get(index, 0) << CYCLE_BITS)
+        ready = step.ready(index, times, reads.get(index, 0) << CYCLE_BITS)
         if isinstance(operations[index], Constant):
             ready = 0
         kind = kinds.get(index)
         if kind is None:
             starts[index], times[index] = place(ready, registers[index], lasts[index], tails[index], budget)
             continue
-        cycle = (ready >> CYCLE_BITS) + (ready & OFFSET_MASK > 0)
+        cycle = max(0, (ready >> CYCLE_BITS) + (ready & OFFSET_MASK > 0))
         used, count = taken[kind], counts[kind]
-        if kind in sharing.busy:
-            found = _free(used, count, sharing.busy[kind], cycle)
+        if (busy := sharing.cycles(kind, index)) > 1:
+            found = _free(used, count, busy, cycle)
             if found is None:
                 return None
             cycle = found

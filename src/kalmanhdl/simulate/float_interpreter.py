@@ -29,6 +29,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -90,7 +92,7 @@ def _value(
             return values[a] | values[b]
         case Not(a):
             return 1 - values[a]
-        case Quantise() | Bits() | Outside() | Binary():
+        case Quantise() | Bits() | Outside() | SumOfProducts() | SumOutside() | Binary():
             raise AssertionError(f"{operation} in a graph of floating-point numbers")
         case _ as never:
             assert_never(never)

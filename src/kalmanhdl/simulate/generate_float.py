@@ -29,6 +29,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
     is_flag,
@@ -224,7 +226,7 @@ def _signal(lowering: _Lowering, index: int, operation: Operation) -> str | Flag
             return flag(a) | flag(b)
         case Not(a):
             return flag(a).negated()
-        case Quantise() | Bits() | Outside() | Binary():
+        case Quantise() | Bits() | Outside() | SumOfProducts() | SumOutside() | Binary():
             raise AssertionError(f"{operation} in a graph of floating-point numbers")
         case _ as never:
             assert_never(never)

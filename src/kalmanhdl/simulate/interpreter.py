@@ -32,6 +32,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -110,6 +112,13 @@ def _evaluate(
             return aligned(a) if values[flag] else aligned(b), False
         case Quantise(a, form, rounding, overflow):
             return quantise(values[a], _form(typed, a).fraction, form, rounding, overflow)
+        case SumOfProducts(_, form, rounding, overflow):
+            return quantise(*_exact_sum(typed, operation, values), form, rounding, overflow)
+        case SumOutside(a):
+            summed = typed.graph.operations[a]
+            assert isinstance(summed, SumOfProducts)
+            raw, fraction = _exact_sum(typed, summed, values)
+            return outside(rounded(raw, fraction - summed.form.fraction, summed.rounding), summed.form), False
         case Bits(a, form):
             floor = rounded(values[a], _form(typed, a).fraction - form.fraction, Rounding.FLOOR)
             return wrapped(floor, form), False
@@ -132,6 +141,17 @@ def _evaluate(
             raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
             assert_never(never)
+
+
+def _exact_sum(typed: TypedGraph, operation: SumOfProducts, values: list[int]) -> tuple[int, int]:
+    """The sum of the products as a raw integer, and its fraction."""
+    fractions = [_form(typed, term.a).fraction + _form(typed, term.b).fraction for term in operation.terms]
+    finest = max(fractions)
+    total = 0
+    for term, fraction in zip(operation.terms, fractions, strict=True):
+        product = values[term.a] * values[term.b] << finest - fraction
+        total += -product if term.negative else product
+    return total, finest
 
 
 def _quotient(

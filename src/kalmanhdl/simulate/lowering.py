@@ -31,6 +31,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
 )
@@ -133,6 +135,8 @@ def _signal(lowering: Lowering, index: int, operation: Operation) -> Signal:
             return flag(a) | flag(b)
         case Not(a):
             return flag(a).negated()
+        case SumOfProducts() | SumOutside():
+            raise AssertionError(f"{operation}: the engine follows the graph from before the schedule")
         case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")
         case _ as never:
