@@ -25,7 +25,7 @@ def limb_widths(width: int, signed: bool, other_signed: bool, block_width: int =
 
 
 def block_levels(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
-    """The levels of a product on multiplier blocks: the blocks, and the tree that adds their limbs' products."""
+    """The levels of a product on multiplier blocks: the blocks, and the tree that adds their products."""
     limbs = len(limb_widths(a_width, a_signed, b_signed)) * len(limb_widths(b_width, b_signed, a_signed))
     return 1 + tree_levels(limbs)
 

@@ -324,7 +324,7 @@ class _Rewriting:
         return len(self._operations) - 1
 
     def _depth(self, operation: Operation) -> int:
-        """Roughly in which turn the value is there: an operation takes one, a sum one a product and some more."""
+        """Roughly in which turn the value is there: most take one, a sum one a product and some more."""
         before = (self._depths[k] - lag for k, lag in zip(operands(operation), lags(operation), strict=True))
         match operation:
             case SumOfProducts(terms):

@@ -117,8 +117,10 @@ def _evaluate(
         case SumOutside(a):
             summed = typed.graph.operations[a]
             assert isinstance(summed, SumOfProducts)
-            raw, fraction = _exact_sum(typed, summed, values)
-            return outside(rounded(raw, fraction - summed.form.fraction, summed.rounding), summed.form), False
+            exact, fraction = _exact_sum(typed, summed, values)
+            return outside(
+                rounded(exact, fraction - summed.form.fraction, summed.rounding), summed.form
+            ), False
         case Bits(a, form):
             floor = rounded(values[a], _form(typed, a).fraction - form.fraction, Rounding.FLOOR)
             return wrapped(floor, form), False
