@@ -143,7 +143,7 @@ class Architecture:
     def shares_multipliers(self) -> bool:
         """Whether multiplications take turns on few multipliers."""
         if self.units is not None:
-            return "multiply" in self.units
+            return not {"multiply", "multiply_add"}.isdisjoint(self.units)
         return self.interval not in (None, 1) or bool(self.latency or self.updates_per_second)
 
     def lanes_fed(self, interval: int) -> int:

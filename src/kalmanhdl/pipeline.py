@@ -11,7 +11,6 @@ from kalmanhdl.design import MAX_INTERVAL, Architecture, Coefficients, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.numerics.floating import FloatGraph, FloatNumbers, FloatSpecification, float_numbers
 from kalmanhdl.numerics.integers import Numbers, numbers
-from kalmanhdl.numerics.multiply_add import with_sums_of_products
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.proof.prove import Proof, prove
 from kalmanhdl.rtl.interface import Interface, interface
@@ -123,8 +122,6 @@ def planned(design: Design, typed: Numbers | FloatNumbers) -> Plan:
         _refuse_float_only(asked)
         graph = replace(graph, logic_product=asked.multiplier)
     part = design.target.part
-    if isinstance(graph, TypedGraph) and "multiply_add" in (asked.units or {}):
-        graph = with_sums_of_products(graph, part.multiplier_width)
     plan = schedule(graph, part, wanted(asked, part))
     found = problems(plan, part)
     if found:

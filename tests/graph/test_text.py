@@ -19,6 +19,7 @@ from kalmanhdl.graph.operations import (
     Input,
     Number,
     Operation,
+    Product,
     Quantise,
     Select,
     State,
@@ -41,15 +42,24 @@ VALUES = {
 }
 
 
+def field(name: str, before: int) -> st.SearchStrategy[object]:
+    """The values of a field of an operation behind so many others."""
+    index = st.integers(0, before - 1)
+    if name == "terms":
+        return st.lists(st.builds(Product, index, index, st.booleans()), min_size=1, max_size=4).map(tuple)
+    return VALUES.get(name, index)
+
+
 @st.composite
 def graphs(draw: st.DrawFn) -> Graph:
     """Any operations in an order in which they could be computed."""
     operations: list[Operation] = []
     for _ in range(draw(st.integers(0, 12))):
-        possible = [c for c in CLASSES if operations or not {"a", "flag"} & {f.name for f in fields(c)}]
+        possible = [
+            c for c in CLASSES if operations or not {"a", "flag", "terms"} & {f.name for f in fields(c)}
+        ]
         cls = draw(st.sampled_from(possible))
-        index = st.integers(0, len(operations) - 1)
-        operations.append(cls(*(draw(VALUES.get(f.name, index)) for f in fields(cls))))
+        operations.append(cls(*(draw(field(f.name, len(operations))) for f in fields(cls))))
     origins = tuple(draw(st.text() | st.just("update: K[1,0]")) for _ in operations)
     roots = st.tuples(VALUES["name"], st.integers(0, max(0, len(operations) - 1)))
     states, outputs = (draw(st.lists(roots, max_size=3 if operations else 0).map(tuple)) for _ in range(2))
@@ -67,7 +77,7 @@ def test_every_graph_parses_back(graph: Graph):
 @settings(max_examples=5, deadline=None)
 def test_every_operation_parses_back(cls: type[Operation], data: st.DataObject):
     before = (Input("z"), Flag("valid"))
-    operation = cls(*(data.draw(VALUES.get(f.name, st.integers(0, 1))) for f in fields(cls)))
+    operation = cls(*(data.draw(field(f.name, 2)) for f in fields(cls)))
     graph = Graph((*before, operation), ("", "", ""), (), (("y", 2),))
     parsed = parse_graph(print_graph(graph))
     assert parsed.operations[2] == operation

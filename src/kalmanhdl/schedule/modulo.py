@@ -1,6 +1,7 @@
 """Modulo scheduling: one step laid out so that the next can be issued ``interval`` cycles later."""
 
 from kalmanhdl.numerics.floating import FloatGraph
+from kalmanhdl.numerics.multiply_add import with_sums_of_products
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.allocation import Task, allocated
 from kalmanhdl.schedule.attempt import Allocation
@@ -27,6 +28,8 @@ def schedule(typed: TypedGraph | FloatGraph, device: Device, wanted: Wanted) -> 
     operators that cannot be, and for an interval or a latency that no schedule was found for.
     """
     _check(wanted)
+    if wanted.units and "multiply_add" in wanted.units and isinstance(typed, TypedGraph):
+        typed = with_sums_of_products(typed, device.multiplier_width)
     interval, channels = wanted.interval, wanted.channels
     single_cycle = interval == 1 and channels == 1
     on_block = on_blocks(typed, device, wanted.multiplier_blocks, outputs_in_logic=single_cycle)
