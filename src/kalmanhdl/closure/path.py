@@ -255,5 +255,5 @@ def _within(name: str) -> str:
 
 
 def _unit_of(name: str, units: Mapping[str, object]) -> str | None:
-    found = re.match(r"[a-z]+_\d+(?=[._])", name)
+    found = re.match(r"[a-z_]+_\d+(?=[._])", name)
     return found[0] if found and found[0] in units else None

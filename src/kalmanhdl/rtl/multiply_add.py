@@ -16,9 +16,9 @@ from kalmanhdl.schedule.operator import MultiplyAddRegisters
 class MultiplyAdd(Component):
     """Sums of ``a * b``, one product a clock.
 
-    A product is added as many clocks after its operands as ``held`` has registers apart and inside: in that
-    clock ``first`` says that it begins a sum, ``negative`` that it is taken away, ``place`` by how many bits it
-    is shifted left. In the next clock ``mode`` says how the sum so far is quantised to the
+    A product is added as many clocks after its operands as ``held`` has registers apart and inside: in
+    that clock ``first`` says that it begins a sum, ``negative`` that it is taken away, ``place`` by how many
+    bits it is shifted left. In the next clock ``mode`` says how the sum so far is quantised to the
     ``result``, one clock later where that is kept; ``outside`` is high where the rounded sum does not fit.
     """
 
@@ -28,9 +28,14 @@ class MultiplyAdd(Component):
         self._sums, self._held = sums, held
         super().__init__(
             {
-                **{"a": In(a), "b": In(b), "first": In(1), "negative": In(1)},
-                **{"place": In(range(sums.lifts + 1)), "mode": In(range(len(sums.modes)))},
-                **{"result": Out(shape(form)), "outside": Out(1)},
+                "a": In(a),
+                "b": In(b),
+                "first": In(1),
+                "negative": In(1),
+                "place": In(range(sums.lifts + 1)),
+                "mode": In(range(len(sums.modes))),
+                "result": Out(shape(form)),
+                "outside": Out(1),
             }
         )
 

@@ -28,8 +28,9 @@ from kalmanhdl.schedule.storage import Port, ports
 class SharedUnit(Component):
     """Ports ``operand_<k>``, ``result`` and, for sums, ``subtract``: the second operand is taken away.
 
-    An iterative one has ``start``, high in the clocks in which operands are to be taken. One that sums products
-    has ``first``, ``negative``, ``place`` and ``mode``, in the clocks that ``MultiplyAdd`` says, and ``outside``.
+    An iterative one has ``start``, high in the clocks in which operands are to be taken. One that sums
+    products has ``first``, ``negative``, ``place`` and ``mode``, in the clocks that ``MultiplyAdd`` says, and
+    ``outside``.
 
     The result stands as many clocks after the operands as the operations on it have registers. All numbers
     are raw integers.
@@ -52,7 +53,10 @@ class SharedUnit(Component):
     def _of_sums(self) -> dict[str, Member]:
         places, modes = range(self.sums.lifts + 1), range(len(self.sums.modes))
         return {
-            **{"first": In(1), "negative": In(1), "place": In(places), "mode": In(modes)},
+            "first": In(1),
+            "negative": In(1),
+            "place": In(places),
+            "mode": In(modes),
             "outside": Out(1),
         }
 

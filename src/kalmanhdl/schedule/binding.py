@@ -9,7 +9,6 @@ from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.results import Wire, Wires, source
 from kalmanhdl.schedule.sharing import Sharing, Unit, taken
 
-
 # Pair after pair, what each port takes; nothing of constants.
 _Reads = Sequence[tuple[Wire | None, ...]]
 
@@ -39,8 +38,8 @@ def bound(
     """The operators with their operations.
 
     Operations are taken in the order of their cycles; each goes where it adds the fewest choices, of these
-    to the operator that has fewest. No operator stays without one. Where some take several cycles in a row all
-    are taken in the order of their phases: then an operator that is free in the first stays free.
+    to the operator that has fewest. No operator stays without one. Where some take several cycles in a row
+    all are taken in the order of their phases: then an operator that is free in the first stays free.
     """
     kinds, units = sharing.kind(), list[_Bound]()
     places: dict[str, range] = {}

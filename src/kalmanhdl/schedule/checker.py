@@ -20,7 +20,7 @@ from kalmanhdl.target.device import Device
 Moment = tuple[int, int]
 # Of a moment in one number: more than the picoseconds of any cycle.
 _CYCLE = 1 << 40
-# Where no path leads, and what is later than that: operands may be there before an operation that takes them late.
+# Where no path leads, and what is later than that: operands taken late may be there before the start.
 _NOWHERE = -(1 << 61)
 _EARLIEST = -(1 << 60)
 

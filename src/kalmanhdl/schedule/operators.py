@@ -56,9 +56,9 @@ from kalmanhdl.graph.operations import (
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.signed_digits import FEW_DIGITS
 from kalmanhdl.numerics.typed import Interval, TypedGraph
+from kalmanhdl.schedule.accumulator import accumulator
 from kalmanhdl.schedule.float_operators import asked, float_operator, is_float_multiplier
 from kalmanhdl.schedule.operator import MultiplyAdd, Operator, kind_of, picoseconds
-from kalmanhdl.schedule.accumulator import accumulator
 from kalmanhdl.schedule.sharing import NONE_SHARED, Core, Sharing, core
 from kalmanhdl.target.device import Device
 

@@ -26,8 +26,8 @@ class Step:
     """One step of a filter as operators: what does not change with the clock period.
 
     ``tails[k]`` is what must still follow operation k within its last cycle: the write to the context.
-    ``lags[k]`` says for each operand how many cycles after its start the operation takes it, where it does not
-    take all at once.
+    ``lags[k]`` says for each operand how many cycles after its start the operation takes it, where it does
+    not take all at once.
     """
 
     graph: Graph

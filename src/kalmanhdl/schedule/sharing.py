@@ -48,7 +48,8 @@ class Sharing:
 
     An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval. Any
     other operator takes one pair of operands a cycle: of a sum of products there are ``pairs``, in cycles one
-    after the other that lie within one interval as well. Operands are chosen in one cycle, or in two for kinds in ``two_steps``.
+    after the other that lie within one interval as well. Operands are chosen in one cycle, or in two for
+    kinds in ``two_steps``.
     """
 
     counts: dict[str, int]

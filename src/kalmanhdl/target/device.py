@@ -8,7 +8,7 @@ OPERANDS = "operands"
 """The choice of operands before shared operators, which is derated as a kind of its own."""
 
 DERATED = (
-    *("add", "subtract", "multiply", "divide", "reciprocal", "unary"),
+    *("add", "subtract", "multiply", "multiply_add", "divide", "reciprocal", "unary"),
     *("quantise", "outside", "select", "table", "shift", "and", "or", "negative", "notfinite"),
     OPERANDS,
 )
