@@ -335,13 +335,19 @@ class Implemented:
         return self.placements[0]
 
 
+# Of a clock; the rest is for wires.
+_LOGIC_SHARE = 0.6
+
+
 def synthesise(hardware: Hardware) -> Netlist:
     """The netlist for the design's device. Raises ToolError."""
     from kalmanhdl.toolchain.absorb import absorb_registers
     from kalmanhdl.toolchain.yosys import synthesise_ecp5
 
-    design = hardware.design
-    return absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design)))
+    design, plan = hardware.design, hardware.plan
+    # Among many choices of operands few are urgent: left to itself, logic is a fifth larger for nothing.
+    logic_ns = _LOGIC_SHARE * plan.period_ns if "multiply_add" in plan.sharing.counts else None
+    return absorb_registers(synthesise_ecp5(hardware.verilog, design.name, lane_module(design), logic_ns))
 
 
 def implement(hardware: Hardware, progress: Progress = silent) -> Implemented:

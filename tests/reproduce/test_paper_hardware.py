@@ -19,7 +19,7 @@ from kalmanhdl.reproduce.papers import PAPERS, hardware
 from kalmanhdl.schedule.summary import summarise
 from kalmanhdl.target import device
 
-# Clocks of a step of the paper's; its multiplier blocks are 96 and 110.
+# Clocks of a step of the paper's; its multiplier blocks are 96 and 110, of which a quarter must do.
 CLOCKS = {"16 bits, Taylor about I": 78, "16 bits, Bierman-Thornton": 578}
 MULTIPLIERS = 24
 
@@ -32,7 +32,7 @@ def scheduled(candidate: Candidate):
 def test_a_filter_of_liu2007_takes_fewer_clocks_on_fewer_multipliers_than_the_papers(candidate):
     plan, target = scheduled(candidate), candidate.design.target
     assert plan.interval <= CLOCKS[candidate.name]
-    assert summarise(plan, device(target.device, target.grade)).multiplier_blocks == MULTIPLIERS
+    assert summarise(plan, device(target.device, target.grade)).multiplier_blocks <= MULTIPLIERS
 
 
 @pytest.mark.parametrize("candidate", kumar2014_hardware.candidates(), ids=lambda c: c.name)

@@ -24,12 +24,6 @@ def limb_widths(width: int, signed: bool, other_signed: bool, block_width: int =
     return (*(low,) * below, width - below * low)
 
 
-def block_levels(a_width: int, a_signed: bool, b_width: int, b_signed: bool) -> int:
-    """The levels of a product on multiplier blocks: the blocks, and the tree that adds their products."""
-    limbs = len(limb_widths(a_width, a_signed, b_signed)) * len(limb_widths(b_width, b_signed, a_signed))
-    return 1 + tree_levels(limbs)
-
-
 def booth_rows(width: int, signed: bool) -> int:
     """Partial products of a multiplication from logic when this operand is recoded in radix 4."""
     return (width + 1) // 2 if signed else width // 2 + 1
@@ -130,3 +124,16 @@ def _places(widths: tuple[int, ...]) -> list[tuple[int, int]]:
 def tree_levels(terms: int) -> int:
     """Levels of adders that bring so many addends down to one."""
     return max(terms - 1, 0).bit_length()
+
+
+def product_pieces(
+    a_width: int, a_signed: bool, b_width: int, b_signed: bool, logic: LogicProduct | None
+) -> int:
+    """The pieces of a product between which registers can stand; ``logic`` None: on multiplier blocks."""
+    widths = (a_width, a_signed, b_width, b_signed)
+    if logic is LogicProduct.WALLACE:
+        return 2 + wallace_levels(wallace_rows(*widths))
+    if logic is LogicProduct.BOOTH:
+        return 1 + tree_levels(logic_addends(*widths))
+    limbs = len(limb_widths(a_width, a_signed, b_signed)) * len(limb_widths(b_width, b_signed, a_signed))
+    return 1 + tree_levels(limbs)

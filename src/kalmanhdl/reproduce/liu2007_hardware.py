@@ -22,16 +22,28 @@ _TARGET = Target(device="ecp5-85k", grade=8, seeds=2)
 _TRACKS = 16
 
 
-# With their multipliers, a block each. Reciprocals and a division take three blocks more.
-ALGORITHMS: dict[str, tuple[Algorithm, int]] = {
-    "Taylor about I": (Taylor(about="identity"), 24),
-    "Bierman-Thornton": (BiermanThornton(), 21),
+ALGORITHMS: dict[str, Algorithm] = {
+    "Taylor about I": Taylor(about="identity"),
+    "Bierman-Thornton": BiermanThornton(),
+}
+# Of one track few operations are ready at a time: their sums take turns too. A multiplier has a block, the
+# reciprocals and the division of the second filter have three.
+_ONE_TRACK = {
+    "Taylor about I": {"multiply_add": 16, "multiply": 2, "reciprocal": 1},
+    "Bierman-Thornton": {"multiply_add": 5, "multiply": 1, "reciprocal": 1},
+}
+# Slow enough that a product and its sum fit into one clock, which saves more clocks than it costs time.
+_CLOCK_MHZ = 80.0
+# Of many tracks every multiplier is busy in every clock, and what is added has an adder of its own.
+_MANY_TRACKS = {
+    "Taylor about I": {"multiply": 24, "reciprocal": 1},
+    "Bierman-Thornton": {"multiply": 21, "reciprocal": 1},
 }
 _SOFTWARE_STEPS = 10_000
 
 
 def candidates() -> tuple[Candidate, ...]:
-    """Each filter on 24 multiplier blocks, for one track and for many that take turns."""
+    """Each filter on 24 multiplier blocks at the most, for one track and for many that take turns."""
     return tuple(
         Candidate(name=f"16 bits, {name}", design=shared_design(name, tracks=tracks))
         for name in ALGORITHMS
@@ -42,19 +54,22 @@ def candidates() -> tuple[Candidate, ...]:
 def shared_design(
     name: str, *, states: int = 4, width: int = 16, tracks: int = 1, blocks: int | None = None
 ) -> Design:
-    """A filter of ``ALGORITHMS`` on its multipliers, of which ``blocks`` may use DSP blocks."""
-    algorithm, multipliers = ALGORITHMS[name]
+    """A filter of ``ALGORITHMS``; multipliers may use so many ``blocks``, where it says."""
     # A constant of 17 bits fits a multiplier block with its sign.
     numerics = FixedSpecification(
         width=width, classes={"constant": 17}, division=TableNewton(index_bits=7, iterations=1)
     )
-    units = {"multiply": multipliers, "reciprocal": 1}
     return Design(
         name="liu2007",
         model=chosen_model(states),
-        algorithm=algorithm,
+        algorithm=ALGORITHMS[name],
         numerics=numerics,
-        architecture=Architecture(units=units, channels=tracks, multiplier_blocks=blocks),
+        architecture=Architecture(
+            units=(_ONE_TRACK if tracks == 1 else _MANY_TRACKS)[name],
+            channels=tracks,
+            multiplier_blocks=blocks,
+            clock_mhz=_CLOCK_MHZ if tracks == 1 else None,
+        ),
         target=_TARGET,
     )
 

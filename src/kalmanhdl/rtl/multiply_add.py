@@ -4,6 +4,7 @@ from amaranth.hdl import Cat, Module, Mux, Shape, Signal, Value, signed
 from amaranth.lib.wiring import Component, In, Out
 
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.product_structure import LogicProduct
 from kalmanhdl.rtl.layouts import shape
 from kalmanhdl.rtl.multiplier import Multiplier
 from kalmanhdl.rtl.quantiser import quantised
@@ -20,12 +21,19 @@ class MultiplyAdd(Component):
     that clock ``first`` says that it begins a sum, ``negative`` that it is taken away, ``place`` by how many
     bits it is shifted left. In the next clock ``mode`` says how the sum so far is quantised to the
     ``result``, one clock later where that is kept; ``outside`` is high where the rounded sum does not fit.
+    Products are on a multiplier block, or ``logic``.
     """
 
     def __init__(
-        self, a: Shape, b: Shape, sums: Accumulator, form: Fixed, held: MultiplyAddRegisters
+        self,
+        a: Shape,
+        b: Shape,
+        sums: Accumulator,
+        form: Fixed,
+        held: MultiplyAddRegisters,
+        logic: LogicProduct | None = None,
     ) -> None:
-        self._sums, self._held = sums, held
+        self._sums, self._held, self._logic = sums, held, logic
         super().__init__(
             {
                 "a": In(a),
@@ -41,9 +49,9 @@ class MultiplyAdd(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.submodules.multiplier = inner = Multiplier(
-            self.a.shape(), self.b.shape(), self._held.inside, on_block=True
-        )
+        on_block, logic = self._logic is None, self._logic or LogicProduct.BOOTH
+        inner = Multiplier(self.a.shape(), self.b.shape(), self._held.inside, on_block, logic)
+        m.submodules.multiplier = inner
         m.d.comb += [inner.a.eq(self.a), inner.b.eq(self.b)]
         product = delayed(m, inner.product, int(self._held.apart), "product")
         total = self._summed(m, product)

@@ -7,7 +7,7 @@ from amaranth.hdl import Cat, Const, Module, Signal, Value
 from amaranth.lib.wiring import Component, In, Member, Out
 
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.arithmetic.product_structure import block_levels
+from kalmanhdl.arithmetic.product_structure import LogicProduct, product_pieces
 from kalmanhdl.graph.operations import Add
 from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
@@ -67,13 +67,23 @@ class SharedUnit(Component):
         return accumulator(self._plan.typed, self.unit.operations)
 
     @property
+    def _on_block(self) -> bool:
+        """Whether it multiplies on multiplier blocks."""
+        return bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
+
+    @property
+    def _logic(self) -> LogicProduct | None:
+        """What its products are built of where they are not on multiplier blocks."""
+        typed = self._plan.typed
+        return None if self._on_block or not isinstance(typed, TypedGraph) else typed.logic_product
+
+    @property
     def held(self) -> MultiplyAddRegisters:
         """Where a unit that sums products holds registers."""
         a, b = (one.form for one in self.core.operands)
         sums = self._plan.sharing.pairs[self.unit.operations[0]]
-        return multiply_add_registers(
-            self._registers - sums, block_levels(a.width, a.signed, b.width, b.signed)
-        )
+        pieces = product_pieces(a.width, a.signed, b.width, b.signed, self._logic)
+        return multiply_add_registers(self._registers - sums, pieces)
 
     @property
     def added_after(self) -> int:
@@ -141,19 +151,18 @@ class SharedUnit(Component):
     def _multiplies(self, m: Module, taken: list[Signal]) -> None:
         typed = self._plan.typed
         assert isinstance(typed, TypedGraph)
-        on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
         a, b = (shape_of(one.form) for one in self.core.operands)
         if self.unit.busy > 1:
             m.submodules.core = serial = SerialMultiplier(a, b)
             m.d.comb += [serial.a.eq(taken[0]), serial.b.eq(taken[1]), self.result.eq(serial.product)]
             m.d.sync += serial.start.eq(self.start)
             return
-        m.submodules.core = inner = Multiplier(a, b, self._registers, on_block, typed.logic_product)
+        m.submodules.core = inner = Multiplier(a, b, self._registers, self._on_block, typed.logic_product)
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1]), self.result.eq(inner.product)]
 
     def _sums_products(self, m: Module, taken: list[Signal]) -> None:
         a, b = (one.shape() for one in taken)
-        m.submodules.core = inner = MultiplyAdd(a, b, self.sums, self.form, self.held)
+        m.submodules.core = inner = MultiplyAdd(a, b, self.sums, self.form, self.held, self._logic)
         m.d.comb += [inner.a.eq(taken[0]), inner.b.eq(taken[1])]
         m.d.comb += [
             getattr(inner, port).eq(getattr(self, port)) for port in ("first", "negative", "place", "mode")
@@ -169,12 +178,11 @@ class SharedUnit(Component):
     def _divides(self, m: Module, taken: list[Signal]) -> None:
         typed = self._plan.typed
         assert isinstance(typed, TypedGraph)
-        on_block = bool(self._plan.on_multiplier_block & frozenset(self.unit.operations))
         if self.unit.busy > 1:
             inner = iterative_division(typed, self.core.operands, self.form)
             m.d.sync += inner.start.eq(self.start)
         else:
-            inner = division(typed, self.core.operands, self.form, self._registers, on_block)
+            inner = division(typed, self.core.operands, self.form, self._registers, self._on_block)
         m.submodules.core = inner
         if len(taken) == 2:
             m.d.comb += inner.dividend.eq(taken[0])

@@ -164,16 +164,18 @@ def _integer_operator(
             on_blocks = bool(on_block & frozenset(who))
             return _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
         case "multiply_add":
-            return _multiply_add(typed, made, who, device)
+            return _multiply_add(typed, made, who, device, bool(on_block & frozenset(who)))
         case "add" | "subtract":
             return Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
         case _:
             return division(typed, kind, made.operands, made.form, device, bool(on_block & frozenset(who)))
 
 
-def _multiply_add(typed: TypedGraph, made: Core, who: tuple[int, ...], device: Device) -> MultiplyAdd:
+def _multiply_add(
+    typed: TypedGraph, made: Core, who: tuple[int, ...], device: Device, on_block: bool
+) -> MultiplyAdd:
     """A product, its place in the sum, the sum, the quantisation of that."""
-    product = _product(made.operands[0].form, made.operands[1].form, device, True)
+    product = _product(made.operands[0].form, made.operands[1].form, device, on_block, typed.logic_product)
     sums, width = accumulator(typed, who), made.form.width
     place = _delay(device, "shift", sums.lifts + 1) if sums.lifts else 0
     rounding = _delay(device, "add", width) if sums.rounds else 0
@@ -233,7 +235,8 @@ def operator(typed: TypedGraph | FloatGraph, index: int, device: Device, on_bloc
         case Divide() | Reciprocal():
             return _quotient(typed, index, device, on_block)
         case SumOfProducts(terms):
-            one = shared_operator(typed, "multiply_add", (index,), device, 1, frozenset((index,)))
+            alone = frozenset((index,) if on_block else ())
+            one = shared_operator(typed, "multiply_add", (index,), device, 1, alone)
             return _taking(one, len(terms))
         case Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in a graph of integers")

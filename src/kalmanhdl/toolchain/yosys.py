@@ -100,16 +100,20 @@ def rtlil_to_verilog(rtlil: str, top: str, header: str = "") -> str:
     return "".join(f"// {line}".rstrip() + "\n" for line in header.splitlines()) + text
 
 
-def synthesise_ecp5(verilog: str, top: str, repeated: str | None = None) -> Netlist:
+def synthesise_ecp5(
+    verilog: str, top: str, repeated: str | None = None, logic_ns: float | None = None
+) -> Netlist:
     """Synthesise for Lattice ECP5. Raises ToolError.
 
     A module ``repeated`` is synthesised once for all its instances, not together with what is around it.
+    Logic is made as fast as can be, or, below ``logic_ns`` between registers, as small as can be.
     """
     apart = [f"setattr -mod -set keep_hierarchy 1 {repeated}"] if repeated else []
     joined = [f"setattr -mod -unset keep_hierarchy {repeated}", "flatten", "opt_clean"] if repeated else []
     commands = [
         "read_verilog design.v",
         *apart,
+        *([f"scratchpad -set abc9.D {round(1000 * logic_ns)}"] if logic_ns else []),
         f"synth_ecp5 -top {top}",
         *joined,
         "write_json netlist.json",
