@@ -30,6 +30,8 @@ from kalmanhdl.graph.operations import (
     State,
     StateFlag,
     Subtract,
+    SumOfProducts,
+    SumOutside,
     Table,
     Unary,
     operands,
@@ -97,6 +99,8 @@ def _levels(operation: Operation, typed: TypedGraph) -> int:
             return 2
         case Multiply():
             return 4
+        case SumOfProducts() | SumOutside():
+            raise AssertionError(f"{operation}: functions have an operator for every operation")
         case State() | StateFlag() | Divide() | Reciprocal() | Unary() | Binary() | NotFinite():
             raise AssertionError(f"{operation} in the graph of a function")
         case _:
