@@ -79,7 +79,7 @@ def reproduction(found: tuple[Sized, ...]) -> Reproduction:
     """Ours beside the paper's slices and blocks."""
     printed = facts("liu2007")["areas"]
     return Reproduction(
-        title="Liu, Bouganis & Cheung 2007, table 1: one track, n = m, on 24 multipliers",
+        title="Liu, Bouganis & Cheung 2007, table 1: one track, n = m",
         columns=(
             "filter",
             "n = m",
