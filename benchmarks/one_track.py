@@ -3,8 +3,9 @@
     python benchmarks/one_track.py [--only WORD] [--seeds 1] [--show]
 
 Constant acceleration in the plane (6 states, 2 measurements), and models of which nothing is zero, of 6 and
-of 9 states and 3 measurements, on units that multiply and add; words of 16 bits. Each is built, held against
-the engine, and placed on an ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is an estimate.
+of 9 states and 3 measurements, on units that multiply and add; words of 16 bits. Each is built, held
+against the engine, and placed on an ecp5-85k of grade 8. ``--show`` stops after the schedule, whose clock is
+an estimate.
 """
 
 import argparse
