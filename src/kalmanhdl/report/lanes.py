@@ -8,13 +8,14 @@ from kalmanhdl.schedule.summary import Row
 
 # What a reader knows by name comes first, in this order; other kinds follow.
 GROUPS = {
+    "sums of products": ("sum_of_products",),
     "multiplications": ("multiply",),
     "divisions and reciprocals": ("divide", "reciprocal"),
     "constant multiplications": ("constant_multiply",),
     "additions and subtractions": ("add", "subtract"),
     "rounding into a format": ("quantise",),
     "selection": ("select",),
-    "flags": ("outside", "negative", "and", "or", "not"),
+    "flags": ("outside", "sum_outside", "negative", "and", "or", "not"),
 }
 
 
