@@ -64,8 +64,9 @@ def test_operations_take_turns_on_as_many_operators_as_there_are(
     assert problems(plan, device) == []
     assert plan.interval >= plan.sharing.bound
     for kind, count in plan.sharing.counts.items():
-        assert count == units.get(kind, units.get("divide"))
-        assert len(plan.sharing.operations[kind]) > count
+        limit, found = units.get(kind, units.get("divide")), len(plan.sharing.operations[kind])
+        # Sums of products have no other operator, however few they are.
+        assert count == min(limit, found) if kind == "multiply_add" else count == limit < found
 
 
 @settings(max_examples=40, deadline=None)
