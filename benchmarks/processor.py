@@ -3,7 +3,8 @@
     python benchmarks/processor.py [--operands 100000] [--programs 10000] [--only pipelined]
 
 Each is shared out over cores of several word lengths, roundings and overflows, with eight clocks an
-instruction and pipelined; ``--only`` takes those whose name has this word.
+instruction and pipelined; ``--only`` takes those whose name has this word. ``--only floats`` takes the cores
+of floating-point numbers, whose simulators are not optimised: compilers take minutes for them.
 """
 
 import argparse
@@ -18,6 +19,8 @@ from conftest import CORES
 from random_programs import every_instruction, number, random_peripherals, random_program
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.arithmetic.floating import Float
+from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
@@ -26,11 +29,25 @@ from kalmanhdl.processor.verification import compare
 from kalmanhdl.processor.verilog import core_verilog
 
 SLICE = 2000
+HALF, SINGLE = Float(5, 10), Float(8, 23)
 ALL = {
     **CORES,
     "32 bits": Core(form=Fixed(width=32, fraction=24), program_words=256),
     "pipelined, N^3, the paper's instructions": Core(
         form=Fixed(width=8, fraction=4), rounding=Rounding.FLOOR, overflow=Overflow.WRAP, units=9
+    ),
+    "floats, half": Core(form=HALF, matrices=64, extended=True),
+    "floats, single, 2 by 2": Core(form=SINGLE, matrices=64, size=2, extended=True),
+    "floats, single, pipelined, N": Core(form=SINGLE, matrices=64, extended=True, units=1),
+    "floats, half, pipelined, N^2": Core(form=HALF, matrices=64, extended=True, units=3),
+    "floats, half, 5 by 5, pipelined, N": Core(form=HALF, matrices=64, size=5, extended=True, units=1),
+    "floats, half, pipelined, functions": Core(
+        form=HALF,
+        matrices=64,
+        size=2,
+        extended=True,
+        units=2,
+        functions=(Function.SINE, Function.COSINE, Function.SQUARE_ROOT),
     ),
 }
 
@@ -42,9 +59,11 @@ def main() -> None:
     parser.add_argument("--only", default="")
     asked = parser.parse_args()
     chosen = {name: core for name, core in ALL.items() if asked.only in name}
+    if not asked.only:
+        chosen = {name: core for name, core in chosen.items() if not core.floating}
     share = len(chosen)
     for index, (name, core) in enumerate(chosen.items()):
-        with RtlSimulation(core, core_verilog(core)) as rtl:
+        with RtlSimulation(core, core_verilog(core), optimised=not core.floating) as rtl:
             machine = Machine(core, *bench(core, ()))
             begin, rng = time.perf_counter(), random.Random(index)
             operands = -(-asked.operands // share)

@@ -94,7 +94,7 @@ def test_a_design_needs_a_name_and_a_model():
         (lambda: Architecture(solver_seconds=None), "[architecture] solver_seconds = None: a number from 0"),
         (lambda: Architecture(updates_per_second=10**400), "a rate lies between 0 and"),
         (lambda: Processor(size="3"), "[architecture] size = '3': an integer from 2 to 16"),
-        (lambda: Processor(width=None), "[architecture] width = None: an integer from 8 to 32"),
+        (lambda: Processor(matrices=None), "[architecture] matrices = None: an integer from 2 to 512"),
         (lambda: Processor(width=16, fraction=17), "[architecture] fraction = 17: an integer from 0 to 16"),
         (lambda: Processor(matrices=3), "[architecture] matrices = 3: a power of two from 2 to 512"),
         (

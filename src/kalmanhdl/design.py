@@ -151,6 +151,7 @@ class Architecture:
         return self.lanes if self.streams is Streams.LANE else min(self.lanes, interval)
 
 
+_PROCESSOR_WIDTH = 32
 _PROCESSOR_LIMITS = MappingProxyType(
     {
         "size": (2, 16),
@@ -167,15 +168,16 @@ _PROCESSOR_LIMITS = MappingProxyType(
 class Processor:
     """The programmable matrix processor in place of hardware of the filter's own (``kind = "processor"``).
 
-    Matrices of ``size`` by ``size``, by default as large as the filter needs; words of ``width`` bits,
-    ``fraction`` of them behind the point, by default as many as the filter's numbers leave.
+    Matrices of ``size`` by ``size``, by default as large as the filter needs; words of ``width`` bits, 32 by
+    default, ``fraction`` of them behind the point, by default as many as the filter's numbers leave. Words of
+    floating-point numbers are as long as the numerics say.
     ``multipliers`` for the products of matrices, a multiple of the size up to its cube: instructions overlap;
     0 is the paper's mode, eight clocks an instruction. ``matrices`` and ``program_words``, powers of two up
     to 512, are the sizes of the stores.
     """
 
     size: int | None = None
-    width: int = 32
+    width: int | None = None
     fraction: int | None = None
     multipliers: int | None = None
     matrices: int = 64
@@ -184,14 +186,19 @@ class Processor:
     def __post_init__(self) -> None:
         for key, (low, high) in _PROCESSOR_LIMITS.items():
             value = getattr(self, key)
-            if value is not None or key in ("width", "matrices", "program_words"):
+            if value is not None or key in ("matrices", "program_words"):
                 object.__setattr__(self, key, integer("architecture", key, value, low, high))
         if self.fraction is not None:
-            integer("architecture", "fraction", self.fraction, 0, self.width)
+            integer("architecture", "fraction", self.fraction, 0, self.bits)
         for key in ("matrices", "program_words"):
             value = getattr(self, key)
             if value & (value - 1):
                 raise InvalidValueError("architecture", key, f" = {value}: a power of two from 2 to 512")
+
+    @property
+    def bits(self) -> int:
+        """Of a fixed-point word."""
+        return _PROCESSOR_WIDTH if self.width is None else self.width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,6 +277,8 @@ class Design:
             raise InvalidValueError("target", "rounds", problem)
         if self.shape is not None:
             self._check_programmable()
+        if self.processor is not None and isinstance(self.numerics, FloatSpecification):
+            _check_float_words(self.processor, self.numerics)
         if isinstance(self.numerics, FixedSpecification):
             _check_scales(self.numerics, self.model.n)
             _check_signals(self.numerics, self.model)
@@ -362,6 +371,26 @@ class Design:
 
 # What a motion has not, which is only a part of a model.
 _OF_MODELS = ("kind", "state_names", "measurement_names")
+
+
+def _check_float_words(processor: Processor, numerics: FloatSpecification) -> None:
+    """Raises InvalidValueError for floating-point numbers that are no words of the processor."""
+    low, high = _PROCESSOR_LIMITS["width"]
+    width = numerics.form.width
+    if not low <= width <= high:
+        problem = f"its numbers have {width} bits, and the processor's words {low} to {high}"
+        remedy = 'use format = "single" or "half", or other bits for exponent and mantissa'
+        raise InvalidValueError("numerics", "kind", f' = "float": {problem}: {remedy}')
+    if numerics.fused:
+        problem = " = true: the processor rounds products before their sums: leave it out"
+        raise InvalidValueError("numerics", "fused", problem)
+    for key in ("width", "fraction"):
+        value = getattr(processor, key)
+        if value is not None:
+            problem = f" = {value}: floating-point words are what [numerics] says: leave it out"
+            raise InvalidValueError("architecture", key, problem)
+
+
 _PARTS: dict[str, tuple[type, ...]] = {
     "numerics": (FixedSpecification, FloatSpecification),
     "architecture": (Architecture,),

@@ -9,6 +9,7 @@ from kalmanhdl.console import reported
 from kalmanhdl.errors import DataError, ProgramError
 
 if TYPE_CHECKING:
+    from kalmanhdl.arithmetic.floating import Float
     from kalmanhdl.model.model import Model
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.program import Program
@@ -18,10 +19,19 @@ _MOST = 1_000_000_000
 _Program = Annotated[
     Path, typer.Argument(metavar="PROGRAM", help="A source, or an image where the name ends in .hex.")
 ]
-_Width = Annotated[int, typer.Option(help="Bits of a number, 8 to 32.")]
-_Fraction = Annotated[int, typer.Option(help="Bits of a number behind the point.")]
+_Width = Annotated[int | None, typer.Option(help="Bits of a number, 8 to 32.  [default: 32]")]
+_Fraction = Annotated[int | None, typer.Option(help="Bits of a number behind the point.  [default: 16]")]
+_Format = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FORMAT", help="Floating point: half, single, or the bits EXPONENT,MANTISSA such as 8,7."
+    ),
+]
+_Flush = Annotated[
+    bool, typer.Option("--flush", help="With --format: numbers below the least normal one are zeros.")
+]
 _Rounding = Annotated[str, typer.Option(help="floor, half_up, half_even or toward_zero.")]
-_Overflow = Annotated[str, typer.Option(help="wrap or saturate.")]
+_Overflow = Annotated[str | None, typer.Option(help="wrap or saturate.  [default: saturate]")]
 _Size = Annotated[int, typer.Option(help="Rows and columns of the core's matrices, 2 to 16.")]
 _Multipliers = Annotated[
     int, typer.Option(help="A multiple of the size: a pipelined core. 0: eight clocks an instruction.")
@@ -37,6 +47,7 @@ def asm(
     listing: Annotated[
         bool, typer.Option("--listing", help="Addresses, words and source side by side.")
     ] = False,
+    format: _Format = None,
     force: _Force = False,
 ) -> None:
     """Assemble a program for the processor: its image, a word in hexadecimal a line."""
@@ -45,19 +56,19 @@ def asm(
     from kalmanhdl.processor.program import listing as listed
 
     _check_new(out, force=force)
-    found = read_program(program, _core())
+    found = read_program(program, _core(format=format))
     _put(listed(found) if listing else image(found), out, force=force)
 
 
 @reported
-def disasm(program: _Program, out: _Out = None, force: _Force = False) -> None:
+def disasm(program: _Program, out: _Out = None, format: _Format = None, force: _Force = False) -> None:
     """Turn an image back into a source that assembles to the same words."""
     from kalmanhdl.processor.disassembler import disassemble
     from kalmanhdl.processor.program import read_image
 
     _check_new(out, force=force)
     words = read_image(program.read_text(encoding="utf-8", errors="replace"), str(program)).words
-    _put(disassemble(words, _core()), out, force=force)
+    _put(disassemble(words, _core(format=format)), out, force=force)
 
 
 @reported
@@ -94,6 +105,8 @@ def execute(
             help="A multiple of the size: a pipelined core. 0: eight clocks an instruction.  [default: 0]"
         ),
     ] = None,
+    format: _Format = None,
+    flush: _Flush = False,
     trace: Annotated[bool, typer.Option("--trace", help="Print every instruction and what it does.")] = False,
     until: Annotated[
         str | None, typer.Option(metavar="LABEL", help="Stop when this label or address comes up again.")
@@ -121,7 +134,7 @@ def execute(
     from kalmanhdl.processor_designs import standing_program
 
     given = {"width": width, "fraction": fraction, "rounding": rounding, "overflow": overflow}
-    asked = {**given, "size": size, "multipliers": multipliers}
+    asked = {**given, "size": size, "multipliers": multipliers, "format": format, "flush": flush or None}
     told = {key: value for key, value in asked.items() if value is not None}
     fit = None
     if program.is_dir():
@@ -152,12 +165,14 @@ def compile_filter(
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Measurements of one track, for a test bench.")
     ] = None,
-    width: _Width = 32,
-    fraction: _Fraction = 16,
+    width: _Width = None,
+    fraction: _Fraction = None,
     rounding: _Rounding = "half_even",
-    overflow: _Overflow = "saturate",
+    overflow: _Overflow = None,
     size: _Size = 3,
     multipliers: _Multipliers = 0,
+    format: _Format = None,
+    flush: _Flush = False,
     force: Annotated[bool, typer.Option("--force", help="Replace a folder that kalmanhdl made.")] = False,
 ) -> None:
     """Compile a design's filter to a program of the matrix processor, with its core and a test bench."""
@@ -171,7 +186,7 @@ def compile_filter(
     from kalmanhdl.report.processor_document import off_reference
 
     check_folder(out, force=force)
-    core = _core(width, fraction, rounding, overflow, size, multipliers, functions=False)
+    core = _core(width, fraction, rounding, overflow, size, multipliers, format, flush, functions=False)
     chosen = Design.load(design)
     filter_ = fitting(chosen.model, chosen.algorithm, core)
     core, model = equipped(core, filter_), filter_.model
@@ -203,28 +218,37 @@ def _alone(data: Path, model: "Model") -> "Plots":
 
 
 def _core(
-    width: int = 32,
-    fraction: int = 16,
+    width: int | None = None,
+    fraction: int | None = None,
     rounding: str = "half_even",
-    overflow: str = "saturate",
+    overflow: str | None = None,
     size: int = 3,
     multipliers: int = 0,
+    format: str | None = None,
+    flush: bool = False,
     *,
     functions: bool = True,
 ) -> "Core":
-    """``functions``: with all of them."""
+    """``functions``: with all of them. ``format``: of floating-point numbers, else they are fixed point."""
     from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
     from kalmanhdl.processor.core import Core
     from kalmanhdl.processor.instructions import FUNCTIONS
 
+    fixed = {"--width": width, "--fraction": fraction, "--overflow": overflow}
+    if format is not None and (told := [name for name, value in fixed.items() if value is not None]):
+        raise typer.BadParameter("is for fixed point: leave it out, or --format", param_hint=told[0])
+    if flush and format is None:
+        raise typer.BadParameter("is for floating point: give a --format", param_hint="--flush")
+    overflow = "saturate" if overflow is None else overflow
     for name, value, kind in (("--rounding", rounding, Rounding), ("--overflow", overflow, Overflow)):
         if value not in [each.value for each in kind]:
             valid = ", ".join(each.value for each in kind)
             raise typer.BadParameter(f"{value!r}: one of {valid}", param_hint=name)
     if multipliers % size:
         raise typer.BadParameter(f"{multipliers}: a multiple of the size, {size}", param_hint="--multipliers")
+    bits, point = 32 if width is None else width, 16 if fraction is None else fraction
     return Core(
-        form=Fixed(width=width, fraction=fraction),
+        form=Fixed(width=bits, fraction=point) if format is None else _float(format, rounding, flush=flush),
         rounding=Rounding(rounding),
         overflow=Overflow(overflow),
         extended=True,
@@ -232,6 +256,23 @@ def _core(
         units=multipliers // size,
         functions=FUNCTIONS if functions else (),
     )
+
+
+def _float(format: str, rounding: str, *, flush: bool) -> "Float":
+    """The format of a word, or of bits for exponent and mantissa."""
+    from kalmanhdl.arithmetic.fixed import Rounding
+    from kalmanhdl.arithmetic.floating import Float
+    from kalmanhdl.numerics.floating import FORMATS
+
+    exponent, _, mantissa = format.partition(",")
+    if format in FORMATS:
+        sizes = FORMATS[format]
+    elif exponent.isdecimal() and mantissa.isdecimal() and len(format) < 9:
+        sizes = int(exponent), int(mantissa)
+    else:
+        words = ", ".join(word for word in FORMATS if word != "double")
+        raise typer.BadParameter(f"{format!r}: one of {words}, or bits such as 8,7", param_hint="--format")
+    return Float(*sizes, Rounding(rounding), not flush)
 
 
 def _address(text: str, program: "Program") -> int:

@@ -3,6 +3,7 @@
 import pytest
 
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.core import PAPER_CORE, Core
 from kalmanhdl.processor.instructions import FUNCTIONS
@@ -48,6 +49,17 @@ CORES = {
         size=2,
         extended=True,
         units=1,
+    ),
+    "floats": Core(
+        form=Float(4, 5),
+        matrices=64,
+        program_words=256,
+        size=2,
+        extended=True,
+        functions=(Function.SINE, Function.COSINE, Function.SQUARE_ROOT),
+    ),
+    "floats, pipelined": Core(
+        form=Float(5, 8, subnormals=False), matrices=64, program_words=256, extended=True, units=1
     ),
 }
 

@@ -8,6 +8,8 @@ from kalmanhdl.processor.rtl_simulation import Peripherals
 def number(rng, core):
     """Any raw number, the ends of the format and small ones more often."""
     form = core.form
+    if core.floating:
+        return float_number(rng, form)
     kind = rng.random()
     if kind < 0.1:
         return rng.choice((form.lowest, form.highest, 0, 1, -1))
@@ -15,6 +17,19 @@ def number(rng, core):
         scale = 1 << rng.randrange(form.width)
         return max(form.lowest, min(form.highest, rng.randint(-scale, scale)))
     return rng.randint(form.lowest, form.highest)
+
+
+def float_number(rng, form):
+    """Any bits, the ends, zeros, NaN and subnormals more often, and numbers near each other most often."""
+    kind, sign = rng.random(), rng.choice((0, form.sign))
+    if kind < 0.12:
+        return sign | rng.choice((0, 1, form.highest, form.infinity, form.nan, 1 << form.mantissa))
+    if kind < 0.2:
+        return sign | rng.randrange(1 << form.mantissa)
+    if kind < 0.8:
+        exponent = max(1, min((1 << form.exponent) - 2, form.bias + rng.randint(-3, 3)))
+        return sign | exponent << form.mantissa | rng.randrange(1 << form.mantissa)
+    return rng.getrandbits(form.width)
 
 
 def every_instruction(core: Core) -> list[int]:

@@ -319,7 +319,7 @@ class ProcessorTable(Table):
 
     kind: Literal["processor"]
     size: Integer | None = None
-    width: Integer = 32
+    width: Integer | None = None
     fraction: Integer | None = None
     multipliers: Integer | None = None
     matrices: Integer = 64

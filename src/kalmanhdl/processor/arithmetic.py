@@ -1,4 +1,7 @@
-"""What the arithmetic instructions compute, on raw integers: exact, then brought into the format once."""
+"""What the arithmetic instructions compute, on raw numbers.
+
+In fixed point every element is exact, then brought into the format once; ``float_arithmetic`` has floats.
+"""
 
 from collections.abc import Sequence
 from operator import mul
@@ -6,48 +9,40 @@ from operator import mul
 from kalmanhdl.arithmetic.division import reciprocal
 from kalmanhdl.arithmetic.fixed import quantise
 from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.float_arithmetic import float_elements
 from kalmanhdl.processor.functions import function_value
-from kalmanhdl.processor.instructions import FUNCTIONS, Instruction, Opcode
+from kalmanhdl.processor.instructions import FUNCTIONS, MINORS, Instruction, Opcode
 
 Matrix = Sequence[int]
 """The raw elements of a matrix, row after row."""
-
-MINORS = tuple(
-    (
-        (i + 1) % 3 * 3 + (j + 1) % 3,
-        (i + 2) % 3 * 3 + (j + 2) % 3,
-        (i + 1) % 3 * 3 + (j + 2) % 3,
-        (i + 2) % 3 * 3 + (j + 1) % 3,
-    )
-    for i in range(3)
-    for j in range(3)
-)
-"""The elements of every cofactor of a 3 by 3 matrix: first times second less third times fourth."""
 
 
 def compute(
     instruction: Instruction, a: Matrix, b: Matrix, core: Core, c: Matrix = ()
 ) -> tuple[list[int], bool]:
-    """The raw elements that an instruction writes, and whether any of them did not fit.
+    """The raw elements that an instruction writes, and whether any of them did not fit, or is not finite.
 
     ``a`` and ``b`` are the matrices at its first and second argument, ``c`` the one at its third, which those
     that accumulate need. A vector stands in the first row: its elements are 0 to N - 1. A number is element
     0.
     """
-    if instruction.opcode is Opcode.RECIP:
-        # The divisors of a filter are variances: of what is not positive the result is that of zero.
-        form, divisor = core.form, a[instruction.arguments[1]]
-        value, outside = reciprocal(max(divisor, 0), form.fraction, form, core.rounding, core.division)
-        return [value], outside
-    if instruction.opcode is Opcode.FUNC:
-        value, outside = function_value(core, FUNCTIONS[instruction.arguments[1]], a[0], a[1])
-        return [value], outside
     moved = _moved(instruction, a, b, core)
     if moved is not None:
         return moved, False
+    if instruction.opcode is Opcode.FUNC:
+        value, outside = function_value(core, FUNCTIONS[instruction.arguments[1]], a[0], a[1])
+        return [value], outside
+    if core.floating:
+        form, elements = core.float_form, float_elements(instruction, a, b, c, core)
+        return elements, any(form.magnitude(raw) >= form.infinity for raw in elements)
+    if instruction.opcode is Opcode.RECIP:
+        # The divisors of a filter are variances: of what is not positive the result is that of zero.
+        fixed, divisor = core.fixed_form, a[instruction.arguments[1]]
+        value, outside = reciprocal(max(divisor, 0), fixed.fraction, fixed, core.rounding, core.division)
+        return [value], outside
     values, times = _exact(instruction, a, b, c, core)
-    fraction = times * core.form.fraction
-    found = [quantise(value, fraction, core.form, core.rounding, core.overflow) for value in values]
+    fraction = times * core.fixed_form.fraction
+    found = [quantise(value, fraction, core.fixed_form, core.rounding, core.overflow) for value in values]
     return [raw for raw, _ in found], any(outside for _, outside in found)
 
 
@@ -57,7 +52,8 @@ def _moved(instruction: Instruction, a: Matrix, b: Matrix, core: Core) -> list[i
         case Opcode.COPY:
             return list(a)
         case Opcode.MASK_33:
-            return [x if b[e // core.size * (core.size + 1)] else 0 for e, x in enumerate(a)]
+            flags = [core.numbers.is_zero(b[row * (core.size + 1)]) for row in range(core.size)]
+            return [0 if flags[e // core.size] else x for e, x in enumerate(a)]
         case Opcode.TRANS_33:
             return _transposed(a, core.size)
         case Opcode.PICK:
@@ -99,7 +95,7 @@ def _exact(instruction: Instruction, a: Matrix, b: Matrix, c: Matrix, core: Core
             return [x * y for x in a[:n] for y in b[:n]], 2
         case Opcode.SCALE:
             _, exponent, _ = instruction.operands
-            return [x << core.form.fraction + exponent for x in a], 2
+            return [x << core.fixed_form.fraction + exponent for x in a], 2
         case Opcode.ADJ_33:
             return _transposed([_cofactor(a, element) for element in range(9)], n), 2
         case Opcode.DET_33:
@@ -115,7 +111,7 @@ def _product(a: Matrix, b: Matrix, n: int) -> list[int]:
 
 def _shifted(number: int, core: Core) -> int:
     """A number with the fraction of a product."""
-    return number << core.form.fraction
+    return number << core.fixed_form.fraction
 
 
 def _dot(a: Matrix, b: Matrix) -> int:

@@ -9,7 +9,7 @@ from kalmanhdl.errors import VerificationError
 from kalmanhdl.numerics.ranges import simulated
 from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import tokens
-from kalmanhdl.processor.fit import Fitted
+from kalmanhdl.processor.fit import Fitted, coast
 from kalmanhdl.processor.follow import Rows, as_data, rows_of
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.rtl_simulation import Peripherals, RtlSimulation
@@ -40,7 +40,7 @@ def drawn_rows(fit: Fitted, steps: int, seed: int = 1) -> tuple[Rows, ...]:
     """What the program reads of tracks drawn from the model, so many steps in all or more."""
     length = min(_STEPS_OF_A_TRACK, max(steps, _SLOW_ROWS))
     count = -(-2 * steps // length) + 1
-    plots = simulated(fit.design.model, fit.design.fixed_point.coast, length, count, seed)
+    plots = simulated(fit.design.model, coast(fit.design), length, count, seed)
     return tuple(rows for rows in rows_of(fit.core, fit.given, fit.scaling, as_data(plots)) if rows)
 
 

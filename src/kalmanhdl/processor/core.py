@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from kalmanhdl.arithmetic.division import TableNewton
 from kalmanhdl.arithmetic.fixed import Fixed, Overflow, Rounding
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.instructions import (
@@ -17,12 +18,12 @@ from kalmanhdl.processor.instructions import (
     Opcode,
     decode,
 )
+from kalmanhdl.processor.numbers import Numbers, check_words, numbers_of
 
 CLOCKS_PER_INSTRUCTION = 8
 """First fetch, second fetch, execute, write back: two clocks each (bhatia2012, figure 17)."""
 
 _MOST_ADDRESSES = 1 << ARGUMENT_BITS
-_NARROWEST, _WIDEST = 8, 32
 _LARGEST = 16
 _INDEX_BITS = 7
 
@@ -35,19 +36,19 @@ _OF_THREE = {Opcode.DET_33, Opcode.ADJ_33}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Core:
-    """One core: N by N matrices of one fixed-point format, and the sizes of its stores.
+    """One core: N by N matrices of one format, and the sizes of its stores.
 
-    Every element of a result is computed exactly and brought into the format once, with this rounding and
-    overflow. ``matrices`` words in each of the N * N banks, ``program_words`` in the control store. An
-    ``extended`` core has more instructions than the paper's eleven, and these ``functions`` of FUNC, in their
-    order. ``units`` is how many sums of N products
-    it computes in a clock, on N multipliers each: with any its instructions overlap (``timing.py``), with
-    none each takes the paper's eight clocks.
+    In fixed point every element of a result is computed exactly and brought into the format once, with this
+    rounding and overflow. In floating point every operation rounds, as the format says. ``matrices`` words in
+    each of the N * N banks, ``program_words`` in the control store. An ``extended`` core has more
+    instructions than the paper's eleven, and these ``functions`` of FUNC, in their order. ``units`` is how
+    many sums of N products it computes in a clock, on N multipliers each: with any its instructions overlap
+    (``timing.py``), with none each takes the paper's eight clocks, or as often eight as it needs.
 
     Raises ProgramError for parameters outside what the words of an instruction can address.
     """
 
-    form: Fixed
+    form: Fixed | Float
     rounding: Rounding = Rounding.HALF_EVEN
     overflow: Overflow = Overflow.SATURATE
     matrices: int = 512
@@ -60,12 +61,7 @@ class Core:
     def __post_init__(self) -> None:
         if not 2 <= self.size <= _LARGEST:
             raise ProgramError(f"core: size = {self.size}: matrices are 2 by 2 to {_LARGEST} by {_LARGEST}")
-        if not (self.form.signed and _NARROWEST <= self.form.width <= _WIDEST):
-            raise ProgramError(
-                f"core: {self.form}: the words of a core are signed and have {_NARROWEST} to {_WIDEST} bits"
-            )
-        if not 0 <= self.form.fraction <= self.form.width:
-            raise ProgramError(f"core: {self.form}: its point stands inside the word, 0 to {self.form.width}")
+        check_words(self.form)
         if not 0 <= self.units <= self.elements:
             raise ProgramError(
                 f"core: units = {self.units}: a pipelined core computes 1 to {self.elements} elements "
@@ -88,22 +84,49 @@ class Core:
         return self.units > 0
 
     @property
+    def floating(self) -> bool:
+        """Whether its numbers are floating point."""
+        return isinstance(self.form, Float)
+
+    @property
+    def fixed_form(self) -> Fixed:
+        """The format of a core of fixed-point numbers."""
+        assert isinstance(self.form, Fixed)
+        return self.form
+
+    @property
+    def float_form(self) -> Float:
+        """The format of a core of floating-point numbers."""
+        assert isinstance(self.form, Float)
+        return self.form
+
+    @property
+    def numbers(self) -> Numbers:
+        """What its words are."""
+        return numbers_of(self.form)
+
+    @property
+    def sums(self) -> int:
+        """Sums of N products that it begins in a clock; N of floats where instructions do not overlap."""
+        return self.units or (self.size if self.floating else self.elements)
+
+    @property
     def multipliers(self) -> int:
         """Multipliers for the products of matrices."""
-        return self.size * (self.units or self.elements)
+        return self.size * self.sums
 
     @property
     def division(self) -> TableNewton:
         """How RECIP finds its result: exact to the last bits of a word."""
         iterations = 0
-        while (_INDEX_BITS + 2) << iterations < self.form.width + 2:
+        while (_INDEX_BITS + 2) << iterations < self.fixed_form.width + 2:
             iterations += 1
         return TableNewton(index_bits=_INDEX_BITS, iterations=iterations)
 
     @property
     def exponents(self) -> range:
         """What SCALE can shift by: two to this power is a number of the format."""
-        return range(-self.form.fraction, self.form.width - 1 - self.form.fraction)
+        return self.numbers.exponents
 
     @property
     def elements(self) -> int:

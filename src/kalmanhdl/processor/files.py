@@ -42,14 +42,14 @@ def read_numbers(path: Path, core: Core) -> tuple[int, ...]:
 def _raw(word: str, place: str, core: Core) -> int:
     try:
         value = float(word)
-        low, high = (float(core.form.real(raw)) for raw in (core.form.lowest, core.form.highest))
+        low, high = core.numbers.limits
         if not low <= value <= high:
             raise DataError(
                 f"{place}: {shown(word)} is outside {core.form}, {low:g} to {high:g}: scale the numbers"
             )
     except ValueError:
         raise DataError(f"{place}: {shown(word)} is no number") from None
-    return core.form.nearest(value)
+    return core.numbers.nearest(value)
 
 
 def _text(path: Path) -> str:

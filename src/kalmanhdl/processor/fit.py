@@ -7,12 +7,14 @@ import numpy as np
 
 from kalmanhdl.algorithm import Algorithm, Conventional, Joseph, Taylor, steady_state
 from kalmanhdl.arithmetic.fixed import Fixed
+from kalmanhdl.arithmetic.floating import Float
 from kalmanhdl.design import Design, Processor
 from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.model import Array
 from kalmanhdl.model.nonlinear import NonlinearModel
 from kalmanhdl.model.state_space import LinearModel
-from kalmanhdl.numerics.ranges import simulated
+from kalmanhdl.numerics.floating import FloatSpecification
+from kalmanhdl.numerics.ranges import Plots, simulated
 from kalmanhdl.numerics.scaling import Scaling
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.units import units
@@ -60,27 +62,26 @@ def fitted(design: Design) -> Fitted:
 
     Raises DesignError, naming the key, for what the processor has no program for or what does not fit it.
     """
-    processor, numerics = design.processor, design.fixed_point
+    processor = design.processor
     assert processor is not None
     model = design.model
     if not isinstance(model, LinearModel | NonlinearModel):
         rule = 'the processor has programs for linear and nonlinear models: use "datapath" for it'
         raise InvalidValueError("model", "kind", f' = "{model.kind}": {rule}')
-    plots = simulated(model, numerics.coast, _TRIED_STEPS, _TRIED_TRACKS)
-    scaling = units(model, design.algorithm(model), _scaled(numerics, model), plots)
+    plots = simulated(model, coast(design), _TRIED_STEPS, _TRIED_TRACKS)
+    scaling = _scaling(design, model, plots)
     inner = model.in_units(scaling)
     algorithm = _in_units(design.algorithm, model, scaling)
     size = processor.size or _size(inner, algorithm)
     try:
         cores = _cores(processor, design, size)
         # Where the point stands makes the program no longer.
-        filter_ = fitting(inner, algorithm, cores(processor.fraction or processor.width // 2))
-        core = _chosen(
-            processor,
-            lambda fraction: equipped(cores(fraction), filter_),
-            filter_,
-            lambda core: rows_of(core, model, scaling, as_data(plots)),
-        )
+        filter_ = fitting(inner, algorithm, cores(processor.fraction or processor.bits // 2))
+
+        def tried(core: Core) -> Sequence[Rows]:
+            return rows_of(core, model, scaling, as_data(plots))
+
+        core = _chosen(processor, lambda fraction: equipped(cores(fraction), filter_), filter_, tried)
         numbers_read(filter_, core)
         program = compiled(filter_, core)
     except ProgramError as error:
@@ -93,6 +94,24 @@ def fitted(design: Design) -> Fitted:
         core=core,
         filter_=filter_,
         program=program,
+    )
+
+
+def coast(design: Design) -> int:
+    """Measurements that tracks drawn from the model miss in a row at most."""
+    numerics = design.numerics
+    return (numerics if isinstance(numerics, FixedSpecification) else FixedSpecification()).coast
+
+
+def _scaling(design: Design, model: Filtered, plots: Plots) -> Scaling:
+    """Of fixed-point numbers powers of two that suit the design; floats have the model's own units."""
+    if isinstance(design.numerics, FixedSpecification):
+        return units(model, design.algorithm(model), _scaled(design.numerics, model), plots)
+    return Scaling(
+        state=np.ones(model.n),
+        measurement=np.ones(model.m),
+        control=np.ones(model.p),
+        covariance=np.ones(model.n),
     )
 
 
@@ -130,21 +149,25 @@ def _size(model: Filtered, algorithm: Algorithm) -> int:
 
 
 def _cores(processor: Processor, design: Design, size: int) -> Callable[[int], Core]:
-    """The core of a design by the bits behind its point."""
-    multipliers = size * size if processor.multipliers is None else processor.multipliers
+    """The core of a design by the bits behind its point, which floats have not."""
+    few = isinstance(design.numerics, FloatSpecification)
+    usual = size if few else size * size
+    multipliers = usual if processor.multipliers is None else processor.multipliers
     if multipliers % size or multipliers > size**3:
         raise InvalidValueError(
             "architecture",
             "multipliers",
             f" = {multipliers}: a multiple of the matrices' size, {size}, up to {size**3}; 0: eight clocks",
         )
-    numerics = design.fixed_point
+    numerics = design.numerics
+    fixed = numerics if isinstance(numerics, FixedSpecification) else FixedSpecification()
 
     def core(fraction: int) -> Core:
+        form: Fixed | Float = Fixed(width=processor.bits, fraction=fraction)
         return Core(
-            form=Fixed(width=processor.width, fraction=fraction),
-            rounding=numerics.rounding,
-            overflow=numerics.overflow,
+            form=numerics.form if isinstance(numerics, FloatSpecification) else form,
+            rounding=fixed.rounding,
+            overflow=fixed.overflow,
             matrices=processor.matrices,
             program_words=processor.program_words,
             size=size,
@@ -162,21 +185,33 @@ def _chosen(
     tried: Callable[[Core], Sequence[Rows]],
 ) -> Core:
     """The core with the design's place of the point, or with the one that some tracks ask for."""
+    if core(0).floating:
+        return _with_range(filter_, core(0), tried)
     if processor.fraction is not None:
         return core(processor.fraction)
     # Too many bits behind the point saturate, and so may too few, where a variance is rounded to nothing.
-    for fraction in range(processor.width - 2, 0, -1):
+    for fraction in range(processor.bits - 2, 0, -1):
         if _holds(filter_, core(fraction), tried):
             roomier = core(fraction - _HEADROOM)
             return roomier if _holds(filter_, roomier, tried) else core(fraction)
     raise InvalidValueError(
-        "architecture", "width", f" = {processor.width}: no place of the point holds the filter's numbers"
+        "architecture", "width", f" = {processor.bits}: no place of the point holds the filter's numbers"
     )
+
+
+def _with_range(filter_: Traced, core: Core, tried: Callable[[Core], Sequence[Rows]]) -> Core:
+    """A core of floats, which tracks do not leave."""
+    numbers_read(filter_, core)
+    if not _holds(filter_, core, tried):
+        problem = f"on tracks drawn from the model results leave {core.form}"
+        remedy = "take more bits for the exponent, or other units"
+        raise InvalidValueError("numerics", "kind", f' = "float": {problem}: {remedy}')
+    return core
 
 
 def _holds(filter_: Traced, core: Core, tried: Callable[[Core], Sequence[Rows]]) -> bool:
     """Whether the constants and everything computed on some tracks are numbers of the core's format."""
-    most = float(core.form.real(core.form.highest))
+    most = core.numbers.limits[1]
     if any(np.abs(constant).max(initial=0.0) > most for constant in filter_.constants.values()):
         return False
     if not filter_.exponents <= set(core.exponents):

@@ -107,15 +107,12 @@ class _Track:
 
 def _run(filter_: Traced, core: Core, rows: Rows, counts: NDArray[np.bool_]) -> _Track:
     engine, shape = Engine(filter_, core), (core.size, core.size)
-    last_bit = float(core.form.resolution)
     estimates, saturations = [], 0
     for row, counted in zip(rows, counts, strict=True):
         engine.saturated = False
         engine.step(row)
         saturations += bool(engine.saturated and counted)
-        numbers = {
-            name: np.reshape(np.array(raws, float) * last_bit, shape) for name, raws in engine.stored.items()
-        }
+        numbers = {name: np.reshape(core.numbers.reals(raws), shape) for name, raws in engine.stored.items()}
         estimates.append(filter_.estimate(numbers))
     n = filter_.model.n
     return _Track(
@@ -127,8 +124,7 @@ def _run(filter_: Traced, core: Core, rows: Rows, counts: NDArray[np.bool_]) -> 
 
 def _at_the_ends(core: Core, rows: Rows, m: int) -> int:
     """Measurements and controls that stand at an end of the format: they were clipped, or nearly so."""
-    ends = (core.form.lowest, core.form.highest)
-    return sum(number in ends for row in rows for number in row[m:])
+    return sum(core.numbers.is_end(number) for row in rows for number in row[m:])
 
 
 def as_data(drawn: Drawn) -> Plots:

@@ -36,8 +36,10 @@ from kalmanhdl.graph.operations import (
     Unary,
     operands,
 )
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.float_stages import float_registers
 from kalmanhdl.processor.functions import function_graph
 from kalmanhdl.schedule.plan import Plan
 
@@ -49,17 +51,12 @@ _LEVELS = 6
 def function_plan(core: Core) -> Plan:
     """The functions of a core on operators of their own, each in the earliest clock that has room for it."""
     typed = function_graph(core).typed
-    start: list[int] = []
-    depth: list[int] = []
-    for operation in typed.graph.operations:
-        clock, levels = _ready(operation, _levels(operation, typed), start, depth)
-        start.append(clock)
-        depth.append(levels)
+    start, registers = _of_floats(typed) if isinstance(typed, FloatGraph) else _of_integers(typed)
     products = (k for k, each in enumerate(typed.graph.operations) if isinstance(each, Multiply))
     return Plan(
         typed=typed,
-        start=tuple(start),
-        registers=(0,) * len(start),
+        start=start,
+        registers=registers,
         on_multiplier_block=frozenset(products),
         interval=1,
         channels=1,
@@ -71,6 +68,36 @@ def function_plan(core: Core) -> Plan:
         period_ns=0.0,
         pipelined_period_ns=0.0,
     )
+
+
+def _of_integers(typed: TypedGraph) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """When operations of one clock or less take their operands; none has registers inside."""
+    start: list[int] = []
+    depth: list[int] = []
+    for operation in typed.graph.operations:
+        clock, levels = _ready(operation, _levels(operation, typed), start, depth)
+        start.append(clock)
+        depth.append(levels)
+    return tuple(start), (0,) * len(start)
+
+
+def _of_floats(typed: FloatGraph) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """When operators take their operands, and the registers inside them; one more takes a result."""
+    operations = typed.graph.operations
+    registers = tuple(float_registers(typed, index) for index in range(len(operations)))
+    start: list[int] = []
+    for operation in operations:
+        waits = 0 if isinstance(operation, NotFinite) else 1
+        ends = [
+            start[k] + (0 if isinstance(operations[k], _WITHOUT_REGISTER) else registers[k] + waits)
+            for k in operands(operation)
+        ]
+        start.append(max(ends, default=0))
+    return tuple(start), registers
+
+
+_WITHOUT_REGISTER = (Input, Flag, Constant, Select, Negative)
+"""Operations of so little logic that no register takes their results."""
 
 
 def function_clocks(core: Core) -> int:

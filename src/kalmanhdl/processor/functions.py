@@ -1,4 +1,4 @@
-"""What FUNC computes: functions of numbers of the core's format, as operations on integers.
+"""What FUNC computes: functions of numbers of the core's format, as operations on integers or on floats.
 
 One graph of a core's functions is their definition: the simulator interprets it, the hardware is built of it.
 """
@@ -7,23 +7,27 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.graph.builder import reachable, with_operands
+from kalmanhdl.graph.builder import Builder, reachable, with_operands
 from kalmanhdl.graph.operations import (
     Binary,
     Flag,
     Function,
     Graph,
     Input,
+    NotFinite,
     Operation,
     Unary,
     operands,
 )
+from kalmanhdl.numerics.float_functions import without_functions
+from kalmanhdl.numerics.floating import FloatGraph
 from kalmanhdl.numerics.functions.method import Cordic
 from kalmanhdl.numerics.quantise import quantise
 from kalmanhdl.numerics.ranges import Ranges
 from kalmanhdl.numerics.specification import FixedSpecification
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.processor.core import Core
+from kalmanhdl.simulate.float_interpreter import interpret_float
 from kalmanhdl.simulate.interpreter import interpret
 
 ARGUMENTS = ("z[0]", "z[1]")
@@ -47,7 +51,7 @@ class Root:
 class FunctionGraph:
     """The functions of a core together; equal operations are one."""
 
-    typed: TypedGraph
+    typed: TypedGraph | FloatGraph
     roots: tuple[Root, ...]
 
     def alone(self, function: Function) -> "FunctionGraph":
@@ -57,15 +61,33 @@ class FunctionGraph:
 
 @cache
 def function_graph(core: Core) -> FunctionGraph:
-    """The functions of a core, each rounded and clamped into its format once."""
+    """The functions of a core.
+
+    In fixed point each is rounded and clamped into the format once, in floating point they are those of
+    ``numerics.float_functions``, and one that is not finite does not fit.
+    """
+    return _float_graph(core) if core.floating else _fixed_graph(core)
+
+
+def _asked(core: Core) -> Graph:
+    """The functions as single operations; their arguments are the first inputs."""
     arguments: list[Operation] = [Flag("initialise"), *map(Input, ARGUMENTS)]
     functions: list[Operation] = [
         Binary(each, 1, 2) if each in OF_TWO else Unary(each, 1) for each in core.functions
     ]
     operations = (*arguments, *functions)
-    names = [f"f[{k}]" for k in range(len(functions))]
+    names = _names(core)
     origins = ("", *(f"measurement: {name}" for name in ARGUMENTS), *(f"predict: {name}" for name in names))
     outputs = tuple((name, len(arguments) + k) for k, name in enumerate(names))
+    return Graph(operations, origins, (), outputs)
+
+
+def _names(core: Core) -> list[str]:
+    return [f"f[{k}]" for k in range(len(core.functions))]
+
+
+def _fixed_graph(core: Core) -> FunctionGraph:
+    names, asked = _names(core), _asked(core)
     # A length is found on the way to an angle: both share their hardware.
     method = Cordic() if set(OF_TWO) & set(core.functions) else None
     read = ARGUMENTS if set(OF_TWO) & set(core.functions) else ARGUMENTS[:1]
@@ -73,10 +95,10 @@ def function_graph(core: Core) -> FunctionGraph:
         functions=method,
         rounding=core.rounding,
         overflow=core.overflow,
-        signals=dict.fromkeys((*read, *names), core.form),
+        signals=dict.fromkeys((*read, *names), core.fixed_form),
     )
-    anything = Ranges(low=(-1.0,) * len(operations), high=(1.0,) * len(operations))
-    typed = quantise(Graph(operations, origins, (), outputs), anything, specification, {})
+    anything = Ranges(low=(-1.0,) * len(asked.operations), high=(1.0,) * len(asked.operations))
+    typed = quantise(asked, anything, specification, {})
     found = dict(typed.graph.outputs)
     roots = []
     for name, function in zip(names, core.functions, strict=True):
@@ -86,7 +108,19 @@ def function_graph(core: Core) -> FunctionGraph:
     return _reduced(typed, roots)
 
 
-def _reduced(typed: TypedGraph, roots: list[Root]) -> FunctionGraph:
+def _float_graph(core: Core) -> FunctionGraph:
+    form, (graph, _) = core.float_form, without_functions(_asked(core), core.float_form)
+    builder, found = Builder.of(graph), dict(graph.outputs)
+    roots = [
+        Root(function=each, value=found[name], outside=(builder.intern(NotFinite(found[name])),))
+        for name, each in zip(_names(core), core.functions, strict=True)
+    ]
+    watched = Graph(tuple(builder.operations), tuple(builder.origins), (), graph.outputs)
+    typed = FloatGraph(graph=watched, form=form, fused=frozenset(), violations=(), scales={})
+    return _reduced(typed, roots)
+
+
+def _reduced(typed: TypedGraph | FloatGraph, roots: list[Root]) -> FunctionGraph:
     """What some functions need of a graph."""
     operations = typed.graph.operations
     kept = sorted(reachable(operations, [k for root in roots for k in (root.value, *root.outside)]))
@@ -99,13 +133,17 @@ def _reduced(typed: TypedGraph, roots: list[Root]) -> FunctionGraph:
         states=(),
         outputs=tuple((root.function.value, place[root.value]) for root in roots),
     )
-    reduced = replace(
-        typed,
-        graph=graph,
-        formats=tuple(typed.formats[k] for k in kept),
-        intervals=tuple(typed.intervals[k] for k in kept),
-        violations=(),
-    )
+    reduced: TypedGraph | FloatGraph
+    if isinstance(typed, FloatGraph):
+        reduced = replace(typed, graph=graph)
+    else:
+        reduced = replace(
+            typed,
+            graph=graph,
+            formats=tuple(typed.formats[k] for k in kept),
+            intervals=tuple(typed.intervals[k] for k in kept),
+            violations=(),
+        )
     moved = tuple(
         Root(
             function=root.function,
@@ -125,9 +163,13 @@ def _alone(core: Core, function: Function) -> FunctionGraph:
 @lru_cache(maxsize=1 << 16)
 def function_value(core: Core, function: Function, a: int, b: int) -> tuple[int, bool]:
     """The raw value of a function of raw numbers, and whether it did not fit the format."""
-    graph = _alone(core, function)
-    values = interpret(graph.typed, dict(zip(ARGUMENTS, (a, b), strict=True)), {}).values
+    graph, given = _alone(core, function), dict(zip(ARGUMENTS, (a, b), strict=True))
     (root,) = graph.roots
+    if isinstance(graph.typed, FloatGraph):
+        values = interpret_float(graph.typed, given, {}).values
+        return values[root.value], bool(values[root.outside[0]])
+    values = interpret(graph.typed, given, {}).values
     form = graph.typed.formats[root.value]
     assert isinstance(form, Fixed)
-    return values[root.value] << core.form.fraction - form.fraction, any(values[k] for k in root.outside)
+    bits = core.fixed_form.fraction - form.fraction
+    return values[root.value] << bits, any(values[k] for k in root.outside)

@@ -158,6 +158,18 @@ VECTORS = {Opcode.MULT_31, Opcode.MADD_31, Opcode.MSUB_31}
 SYMMETRIC = {Opcode.SYMADD_33, Opcode.SYMSUB_33}
 """The products whose lower triangle is the mirror of the upper one."""
 
+MINORS = tuple(
+    (
+        (i + 1) % 3 * 3 + (j + 1) % 3,
+        (i + 2) % 3 * 3 + (j + 2) % 3,
+        (i + 1) % 3 * 3 + (j + 2) % 3,
+        (i + 2) % 3 * 3 + (j + 1) % 3,
+    )
+    for i in range(3)
+    for j in range(3)
+)
+"""The elements of every cofactor of a 3 by 3 matrix: first times second less third times fourth."""
+
 OPERATIONS: dict[str, Operation] = {operation.opcode.name: operation for operation in (*PAPER, *EXTENSION)}
 """Every operation by its mnemonic."""
 

@@ -39,8 +39,7 @@ def reference_steps(fit: Fitted, tokens: Sequence[int], sent: Sequence[int]) -> 
     """
     model, scaling = fit.given, fit.scaling
     n, m, p = model.n, model.m, model.p
-    resolution = float(fit.core.form.resolution)
-    numbers = np.array(tokens[len(numbers_read(fit.filter_, fit.core)) :], float) * resolution
+    numbers = fit.core.numbers.reals(tokens[len(numbers_read(fit.filter_, fit.core)) :])
     rows = numbers[: len(numbers) // (2 * m + p) * (2 * m + p)].reshape(-1, 2 * m + p)
     z = np.where(rows[:, :m] != 0, rows[:, m : 2 * m] * scaling.measurement, np.nan)[:, None]
     u = (rows[:, 2 * m :] * scaling.control)[:, None]
@@ -53,7 +52,7 @@ def reference_steps(fit: Fitted, tokens: Sequence[int], sent: Sequence[int]) -> 
     found = reference(fit.design.algorithm(model), given, z, u)
     variances = found.P[:, 0][:, range(n), range(n)]
     whole = len(sent) // (2 * n)
-    exact = np.reshape(np.array(sent[: 2 * n * whole], float) * resolution, (whole, 2 * n))
+    exact = np.reshape(fit.core.numbers.reals(sent[: 2 * n * whole]), (whole, 2 * n))
     points = model.initial.points - 1
     shown = np.arange(whole)[:, None] >= points
     units = np.concatenate([scaling.state, np.diag(scaling.covariances())])

@@ -162,10 +162,10 @@ class RtlSimulation:
             issued=bits[:, 5],
             address=(flags & np.uint64(0xFFFF)).astype(np.int64),
             flags=bits[:, :5],
-            data_out=_numbers(words[:, 2:3], 1, core.form.width)[:, 0],
+            data_out=_numbers(words[:, 2:3], 1, core.form.width, signed=not core.floating)[:, 0],
             matrix=(flags >> np.uint64(16) & np.uint64(0xFFFF)).astype(np.int64),
             elements=_numbers(words[:, 3:after], core.elements, 1) != 0,
-            values=_numbers(words[:, after:], core.elements, core.form.width),
+            values=_numbers(words[:, after:], core.elements, core.form.width, signed=not core.floating),
         )
 
 
@@ -177,12 +177,13 @@ def _record_words(core: Core) -> int:
     return 3 + _words(core.elements) + _words(core.elements * core.form.width)
 
 
-def _numbers(words: npt.NDArray[np.uint64], count: int, width: int) -> Integers:
-    """Signed numbers of ``width`` bits that stand one above the other in words, low word first."""
+def _numbers(words: npt.NDArray[np.uint64], count: int, width: int, *, signed: bool = True) -> Integers:
+    """Numbers of ``width`` bits that stand one above the other in words, low word first."""
     octets = np.ascontiguousarray(words).astype("<u8").view(np.uint8).reshape(len(words), -1)
     bits = np.unpackbits(octets, axis=1, count=count * width, bitorder="little")
     weights = np.int64(1) << np.arange(width, dtype=np.int64)
-    weights[-1] *= -1
+    if signed:
+        weights[-1] *= -1
     return bits.reshape(len(words), count, width).astype(np.int64) @ weights
 
 

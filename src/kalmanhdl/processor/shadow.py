@@ -39,7 +39,7 @@ class Shadow:
     """The data store in double precision, kept by ``follow`` as the machine retires instructions.
 
     What is read is the same number; jumps are those of the machine. Nothing is rounded to the format and
-    nothing saturates, but a reciprocal of what is not positive is the format's largest number.
+    nothing saturates, but a fixed-point reciprocal of what is not positive is the format's largest number.
     """
 
     core: Core
@@ -54,7 +54,7 @@ class Shadow:
         if not done.elements:
             return 0.0
         first, second, third = done.instruction.arguments
-        exact = np.array(done.values, float) * float(self.core.form.resolution)
+        exact = self.core.numbers.reals(done.values)
         if done.instruction.opcode is Opcode.READ:
             result = exact
         else:
@@ -63,7 +63,7 @@ class Shadow:
                 result = real_result(done.instruction, a, b, c, self.core)
         self.data[third] = self.data[third].copy()
         self.data[third][done.elements.start : done.elements.stop] = result
-        off = np.abs(exact - result)
+        off = _apart(exact, result)
         self._note(done, result, off)
         return float(off.max())
 
@@ -107,10 +107,11 @@ def real_result(instruction: Instruction, a: Array, b: Array, c: Array, core: Co
         case Opcode.FUNC:
             function = FUNCTIONS[instruction.arguments[1]]
             below = function is Function.SQUARE_ROOT and a[0] < 0
-            return np.atleast_1d(0.0 if below else value_of(function, a[0], a[1]))
+            lost = np.nan if core.floating else 0.0
+            return np.atleast_1d(lost if below else value_of(function, a[0], a[1]))
         case Opcode.RECIP:
-            most = float(core.form.real(core.form.highest))
-            return np.array([1 / a[element] if a[element] > 0 else most])
+            inverts = core.floating or a[element] > 0
+            return np.atleast_1d(1 / a[element] if inverts else core.numbers.limits[1])
         case Opcode.ADD_33:
             return a + b
         case Opcode.SUB_33:
@@ -143,6 +144,13 @@ def real_result(instruction: Instruction, a: Array, b: Array, c: Array, core: Co
             return np.array([A[0] @ _cofactors(A)[0]])
         case _:
             raise AssertionError(instruction)
+
+
+def _apart(exact: Array, result: Array) -> Array:
+    """How far elements are apart; infinities of one sign are not, and NaN is infinitely far from a number."""
+    same = (exact == result) | (np.isnan(exact) & np.isnan(result))
+    with np.errstate(invalid="ignore"):
+        return np.where(same, 0.0, np.nan_to_num(np.abs(exact - result), nan=np.inf, posinf=np.inf))
 
 
 def _mirrored(matrix: Array) -> Array:

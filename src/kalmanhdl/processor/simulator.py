@@ -81,7 +81,7 @@ class Machine:
         first, second, third = instruction.arguments
         match instruction.opcode:
             case Opcode.READ:
-                done = self._stored(at, instruction, [seen.data_in], outside=False)
+                done = self._stored(at, instruction, [self.core.numbers.taken(seen.data_in)], outside=False)
             case Opcode.WRITE:
                 done = Retired(*at, instruction, sent=self.data[first][second])
             case _ if writes(instruction, self.core):

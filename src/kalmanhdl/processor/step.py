@@ -14,7 +14,7 @@ from kalmanhdl.processor.instructions import Opcode, encode
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.program import Program
 from kalmanhdl.processor.simulator import Machine
-from kalmanhdl.processor.timing import OF_ARRAY, clocks_of_instruction, latency
+from kalmanhdl.processor.timing import clocks_of_instruction, latency, uses_array
 
 UNITS = ("products", "reciprocals", "functions", "sums and moves", "input and output", "jumps")
 """Who works on instructions."""
@@ -100,6 +100,6 @@ def _unit(opcode: Opcode, core: Core) -> str:
         return "reciprocals"
     if opcode is Opcode.FUNC:
         return "functions"
-    if opcode in OF_ARRAY:
+    if uses_array(opcode, core) and opcode not in (Opcode.ADD_33, Opcode.SUB_33):
         return "products"
     return "sums and moves" if latency(opcode, core) else "jumps"

@@ -40,7 +40,7 @@ def _numbers(done: Retired, core: Core) -> str:
 
 def real(raw: int, core: Core) -> str:
     """A raw number as the shortest decimal that is this double."""
-    return repr(float(core.form.real(raw)))
+    return repr(float(core.numbers.reals([raw])[0]))
 
 
 def dump(machine: Machine, program: Program) -> str:

@@ -1,11 +1,18 @@
 """The Verilog of a core."""
 
 from kalmanhdl import __version__
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.core import Core, functions_of
 from kalmanhdl.toolchain.yosys import rtlil_to_verilog
 
 TOP = "controller"
 """The name of the top module."""
+
+
+def _modes(core: Core) -> str:
+    if isinstance(core.form, Fixed):
+        return f"{core.rounding.value}, {core.overflow.value}"
+    return f"{core.form.rounding.value}, {'with' if core.form.subnormals else 'without'} subnormals"
 
 
 def core_verilog(core: Core) -> str:
@@ -17,7 +24,7 @@ def core_verilog(core: Core) -> str:
 
     header = (
         f"{TOP}: a programmable matrix processor made by kalmanhdl {__version__}\n"
-        f"{core.size} by {core.size} matrices of {core.form}, {core.rounding.value}, {core.overflow.value}; "
+        f"{core.size} by {core.size} matrices of {core.form}, {_modes(core)}; "
         f"{core.matrices} matrices, {core.program_words} words of program; "
         f"{'pipelined' if core.pipelined else 'eight clocks an instruction'}, "
         f"{core.multipliers} multipliers.\n"

@@ -119,13 +119,13 @@ def store_text(
     core, names = machine.core, dict[int, str]()
     for name, address in program.matrices.items():
         names.setdefault(address, name)
-    resolution, shape = float(core.form.resolution), (core.size, core.size)
+    shape = (core.size, core.size)
     for address, raws in enumerate(machine.data):
         if not any(raws):
             continue
         name = names.get(address, "")
         unit = units.get(name, np.ones(shape))
-        exact = np.reshape(np.array(raws, float) * resolution, shape) * unit
+        exact = np.reshape(core.numbers.reals(raws), shape) * unit
         real = shadow.data[address].reshape(shape) * unit
         off = float(np.abs(exact - real).max())
         where = ", in the units of the model" if name in units else ""

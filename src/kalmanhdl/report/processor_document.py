@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.build import Built
 from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
 from kalmanhdl.processor.fit import Fitted
@@ -43,14 +44,26 @@ def processor_document(built: Built) -> dict[str, Any]:
 def _core(core: Core) -> dict[str, Any]:
     return {
         "size": core.size,
-        "width": core.form.width,
-        "fraction": core.form.fraction,
-        "rounding": core.rounding.value,
-        "overflow": core.overflow.value,
+        **_format(core),
         "multipliers": core.multipliers,
         "pipelined": core.pipelined,
         "matrices": core.matrices,
         "program_words": core.program_words,
+    }
+
+
+def _format(core: Core) -> dict[str, Any]:
+    form = core.form
+    if isinstance(form, Fixed):
+        modes = {"rounding": core.rounding.value, "overflow": core.overflow.value}
+        return {"numbers": "fixed", "width": form.width, "fraction": form.fraction, **modes}
+    return {
+        "numbers": "float",
+        "width": form.width,
+        "exponent": form.exponent,
+        "mantissa": form.mantissa,
+        "rounding": form.rounding.value,
+        "subnormals": form.subnormals,
     }
 
 
@@ -66,8 +79,10 @@ def _units(fit: Fitted) -> dict[str, Any]:
 
 
 def last_bits(fit: Fitted) -> dict[str, float]:
-    """The last bit of each state that is put out, in the model's units."""
-    resolution = float(fit.core.form.resolution)
+    """The last bit of each state that is put out, in the model's units; that of floats varies."""
+    if fit.core.floating:
+        return {}
+    resolution = float(fit.core.fixed_form.resolution)
     return {f"x[{i}]": resolution * float(unit) for i, unit in enumerate(fit.scaling.state)}
 
 

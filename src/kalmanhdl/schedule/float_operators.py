@@ -60,7 +60,7 @@ _BITS_ALWAYS_IN_LOGIC = 4
 def float_operator(typed: FloatGraph, index: int, device: Device, on_block: bool) -> Operator:
     """The operator of one operation. A fused product is no more than its two factors, side by side."""
     form, operation = typed.form, typed.graph.operations[index]
-    pieces = _pieces(typed, index, on_block)
+    pieces = float_pieces(typed, index, on_block)
     blocks = 0
     if on_block:
         limbs = limb_widths(form.mantissa + 1, False, False, device.multiplier_width)
@@ -88,7 +88,8 @@ def asked(typed: FloatGraph | TypedGraph, index: int, made: Operator) -> Operato
     return replace(made, asked=max(least - 1, 0))
 
 
-def _pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
+def float_pieces(typed: FloatGraph, index: int, on_block: bool) -> tuple[Piece, ...]:
+    """The pieces of logic of an operation's operator, ``on_block`` if it multiplies on multiplier blocks."""
     form, operation = typed.form, typed.graph.operations[index]
     match operation:
         case Flag() | State() | StateFlag() | Constant() | Not():

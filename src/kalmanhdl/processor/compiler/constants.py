@@ -36,7 +36,7 @@ def readings(filter_: Traced, core: Core) -> tuple[Reading, ...]:
     long = {one.name for one in single if len(one.elements) * each > loop}
     saved = sum(len(one.elements) * each - loop for one in single if one.name in long)
     # One must be a number of the core, so that turning changes nothing.
-    if saved <= core.size * each or core.form.highest < 1 << core.form.fraction:
+    if saved <= core.size * each or 0 not in core.numbers.exponents:
         return tuple(single)
     turn = tuple(np.flatnonzero(turning(core.size)).tolist())
     return (
@@ -58,6 +58,22 @@ def _all_elements(size: int) -> tuple[int, ...]:
 
 def _words_of_an_input(core: Core) -> int:
     return 1 if core.pipelined else 2
+
+
+def cleared_source(names: Sequence[str], core: Core) -> Iterator[str]:
+    """The lines of the program that make matrices zero, whatever they were.
+
+    What is infinite or NaN is not zero less itself: the first number that a program of floats reads is zero.
+    """
+    if not core.floating:
+        yield from (f"{'':16}SUB_33   {name} {name} {name}" for name in names)
+        return
+    first, *others = names
+    yield from input_lines("read_zero", 0, first, core)
+    for place in range(1, core.size):
+        yield f"{'':16}PLACE    {first} {place * (core.size + 1)} {first}"
+    yield f"{'':16}MASK_33  {first} {first} {first}"
+    yield from (f"{'':16}COPY     {first} {name}" for name in others)
 
 
 def read_source(readings: Sequence[Reading], places: dict[str, str], core: Core) -> Iterator[str]:
@@ -99,11 +115,11 @@ def _loop(name: str, place: str, turn: str, core: Core) -> Iterator[str]:
 
 
 def numbers_read(filter_: Traced, core: Core) -> tuple[int, ...]:
-    """The raw numbers that the program reads before the first row.
+    """The raw numbers that the program reads before the first row: a zero for floats, and the constants.
 
     Raises ProgramError for what is no number of the core.
     """
-    found: list[int] = []
+    found: list[int] = [0] if core.floating else []
     for one in readings(filter_, core):
         values = turning(core.size) if one.name == TURN else filter_.constants[one.name]
         raws = raw_constant(one.name, values, core)

@@ -32,12 +32,11 @@ def raw_constant(name: str, values: Array, core: Core) -> list[int]:
     """
     raws = []
     for value in padded(values, core.size).ravel():
-        raw = core.form.nearest(float(value))
-        if abs(float(core.form.real(raw)) - value) > float(core.form.resolution) or (value and not raw):
-            raise ProgramError(
-                f"the constant {value:.6g} of {name} is no number of {core.form}: change fraction or units"
-            )
-        raws.append(raw)
+        if not core.numbers.holds(float(value)):
+            remedy = "take more bits for the exponent" if core.floating else "change fraction or units"
+            raise ProgramError(f"the constant {value:.6g} of {name} is no number of {core.form}: {remedy}")
+        # Zero has no sign: constants that come in by products with zeros lose it.
+        raws.append(core.numbers.nearest(float(value) + 0.0))
     return raws
 
 

@@ -7,6 +7,7 @@ from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import compiled, source, tokens
 from kalmanhdl.processor.compiler.trace import Traced
 from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.numbers import shortest
 from kalmanhdl.processor.program import Program, image, listing
 from kalmanhdl.processor.verilog import TOP, core_verilog
 from kalmanhdl.testbench.core_file import capi2, copied, lint, target
@@ -84,5 +85,4 @@ def _hexadecimal(numbers: Sequence[int], core: Core) -> str:
 
 
 def _reals(rows: Sequence[Sequence[int]], core: Core) -> str:
-    # A raw number of at most 32 bits is a double.
-    return "".join(" ".join(repr(float(core.form.real(raw))) for raw in row) + "\n" for row in rows)
+    return "".join(shortest(core.numbers.reals(row)) + "\n" for row in rows)

@@ -11,7 +11,14 @@ from kalmanhdl.errors import ProgramError
 from kalmanhdl.model.model import Model
 from kalmanhdl.processor.assembler import assemble
 from kalmanhdl.processor.compiler.allocate import Places, allocate
-from kalmanhdl.processor.compiler.constants import TURN, input_lines, numbers_read, read_source, readings
+from kalmanhdl.processor.compiler.constants import (
+    TURN,
+    cleared_source,
+    input_lines,
+    numbers_read,
+    read_source,
+    readings,
+)
 from kalmanhdl.processor.compiler.graph import Computed, Constant, Given, Held, Put, Read, Section
 from kalmanhdl.processor.compiler.schedule import scheduled
 from kalmanhdl.processor.compiler.trace import Block, Traced, traced
@@ -61,9 +68,10 @@ def source(filter_: Traced, core: Core) -> str:
     read = readings(filter_, core)
     sections = [block.section for part in parts for block in part]
     places = allocate(filter_, sections, core, turns=any(one.looped for one in read))
-    whole = {one.name for one in read if one.looped}
+    # A float that is no number does not leave by products with zeros.
+    whole = set() if core.floating else {one.name for one in read if one.looped}
     cleared = [name for name in places.names if name not in whole]
-    lines = [".text", *(f"{'':16}SUB_33   {name} {name} {name}" for name in cleared)]
+    lines = [".text", *cleared_source(cleared, core)]
     lines += read_source(read, {TURN: places.spare}, core)
     *starts, step, shared = parts
     for start in starts:
@@ -147,11 +155,11 @@ def rows_read(core: Core, z: ArrayLike, u: ArrayLike | None = None) -> tuple[tup
     """
     array = np.asarray(z, np.float64)
     controls = np.zeros((len(array), 0)) if u is None else np.asarray(u, np.float64)
-    one = core.form.nearest(1.0)
+    one = core.numbers.nearest(1.0)
     return tuple(
         (
             *(0 if missed else one for missed in lost),
-            *(core.form.nearest(value) for value in [*np.where(lost, 0.0, row).tolist(), *more.tolist()]),
+            *(core.numbers.nearest(value) for value in [*np.where(lost, 0.0, row).tolist(), *more.tolist()]),
         )
         for row, lost, more in zip(array, np.isnan(array), controls, strict=True)
     )

@@ -7,7 +7,6 @@ from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.arithmetic.division_structure import Operand
 from kalmanhdl.arithmetic.fixed import Fixed
-from kalmanhdl.processor.arithmetic import MINORS
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.decoding import is_one_of, written
 from kalmanhdl.processor.hardware.function_unit import FunctionUnit
@@ -16,6 +15,7 @@ from kalmanhdl.processor.hardware.operands import second_operands
 from kalmanhdl.processor.instructions import (
     ACCUMULATING,
     ARGUMENT_BITS,
+    MINORS,
     OPCODE_BITS,
     SYMMETRIC,
     VECTORS,
@@ -45,7 +45,7 @@ class ProductSums(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        self.width = 2 * core.form.width + (core.size - 1).bit_length()
+        self.width = 2 * core.fixed_form.width + (core.size - 1).bit_length()
         sums = ArrayLayout(signed(self.width), core.elements)
         matrix = matrix_layout(core)
         super().__init__(
@@ -78,7 +78,7 @@ class MatrixSum(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._differences = core.extended
-        self.width = core.form.width + 1
+        self.width = core.fixed_form.width + 1
         sums = ArrayLayout(signed(self.width), core.elements)
         super().__init__(
             {"a": In(matrix_layout(core)), "b": In(matrix_layout(core)), "subtract": In(1), "sums": Out(sums)}
@@ -101,7 +101,7 @@ class Cofactors(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._count = 9 if core.extended else 3
-        word = core.form.width
+        word = core.fixed_form.width
         cofactors = ArrayLayout(signed(2 * word + 1), self._count)
         super().__init__(
             {
@@ -139,7 +139,7 @@ class Alu(wiring.Component):
                 "opcode": In(OPCODE_BITS),
                 "exponent": In(signed(ARGUMENT_BITS)),
                 "a": In(matrix_layout(core)),
-                "chosen": In(signed(core.form.width)),
+                "chosen": In(signed(core.fixed_form.width)),
                 "fetched": In(matrix_layout(core)),
                 "take_b": In(1),
                 "result": Out(matrix_layout(core)),
@@ -181,7 +181,9 @@ class Alu(wiring.Component):
                 value, outside = Mux(is_it, reciprocal[0], value), Mux(is_it, reciprocal[1], outside)
                 # It goes to any element; its flag is that of the first one.
                 counts = counts | is_it if e == 0 else counts
-            m.d.comb += self.result[e].eq(register(m, f"result_{e}", fitted(value, core.form.width, True)))
+            m.d.comb += self.result[e].eq(
+                register(m, f"result_{e}", fitted(value, core.fixed_form.width, True))
+            )
             m.d.sync += flags[e].eq(outside & counts)
         m.d.comb += self.outside.eq(flags.any())
         return m
@@ -194,7 +196,7 @@ class Alu(wiring.Component):
             product = Mux(self._is(*VECTORS), products.sums[self._core.size * column], product)
         if self._core.extended:
             product = self._accumulated(element, products, product)
-        aligned = total.sums[element].shift_left(self._core.form.fraction)
+        aligned = total.sums[element].shift_left(self._core.fixed_form.fraction)
         sums = self._is(Opcode.ADD_33)
         if self._core.extended:
             sums = sums | self._is(Opcode.SUB_33)
@@ -208,7 +210,7 @@ class Alu(wiring.Component):
         if mirror != element:
             product = Mux(symmetric, products.sums[mirror], product)
         kept = Mux(symmetric, self.fetched[mirror], self.fetched[element]).shift_left(
-            self._core.form.fraction
+            self._core.fixed_form.fraction
         )
         change = Mux(self._is(Opcode.SYMSUB_33, Opcode.MSUB_31), -product, product)
         return Mux(self._is(*ACCUMULATING), kept + change, product)
@@ -227,7 +229,7 @@ class Alu(wiring.Component):
 
     def _reciprocal(self, m: Module) -> tuple[Value, Value]:
         """Of the chosen element, there from the third clock on; of what is not positive that of zero."""
-        form = self._core.form
+        form = self._core.fixed_form
         most = Fixed(width=form.width - 1, fraction=form.fraction, signed=False)
         divisor = Operand(form=most, low=0, high=most.highest)
         m.submodules.reciprocal = unit = TableNewtonReciprocal(
@@ -263,7 +265,9 @@ class Alu(wiring.Component):
 
     def _quantised(self, value: Value, times: int) -> tuple[Value, Value]:
         core = self._core
-        return quantised(value, times * core.form.fraction, core.form, core.rounding, core.overflow)
+        return quantised(
+            value, times * core.fixed_form.fraction, core.fixed_form, core.rounding, core.overflow
+        )
 
     def _is(self, *opcodes: Opcode) -> Value:
         return is_one_of(self.opcode, self._core, opcodes)

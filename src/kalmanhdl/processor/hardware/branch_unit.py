@@ -5,6 +5,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import CLOCKS_PER_INSTRUCTION, Core
+from kalmanhdl.processor.hardware.decoding import is_one_of
 from kalmanhdl.processor.hardware.loop_stack import loop_stack
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
 from kalmanhdl.processor.timing import clocks_of_instruction
@@ -16,7 +17,8 @@ class BranchUnit(wiring.Component):
     An instruction that takes eight clocks several times goes through its phases as often.
 
     ``what_branch`` is the phase: first fetch, second fetch, execute, write back; ``second_clock`` says which
-    of its two clocks it is; ``last_clock`` is high in the eighth. ``input_ready`` and ``output_taken`` are
+    of its two clocks it is; ``last_clock`` is high in the eighth of the last ones, ``first_round`` in all the
+    first ones. ``input_ready`` and ``output_taken`` are
     what the conditional jumps wait for: they are looked at in the seventh clock. Then ``pc_next`` addresses
     the next word, which is there in the eighth.
     """
@@ -35,6 +37,7 @@ class BranchUnit(wiring.Component):
                 "what_branch": Out(2),
                 "second_clock": Out(1),
                 "last_clock": Out(1),
+                "first_round": Out(1),
             }
         )
 
@@ -78,11 +81,24 @@ class BranchUnit(wiring.Component):
 
     def _again(self, m: Module, ends: Value) -> Value:
         """Whether the eight clocks that end are not the instruction's last ones."""
-        rounds = clocks_of_instruction(Opcode.FUNC, self._core) // CLOCKS_PER_INSTRUCTION
-        if rounds == 1:
+        rounds = self._rounds()
+        if not rounds:
+            m.d.comb += self.first_round.eq(1)
             return Const(0)
-        done = Signal(range(rounds), name="rounds_done")
-        again = (self.opcode == Opcode.FUNC.value) & (done != rounds - 1)
+        done = Signal(range(max(rounds)), name="rounds_done")
+        m.d.comb += self.first_round.eq(done == 0)
+        again: Value = Const(0)
+        for count, opcodes in rounds.items():
+            again = again | (is_one_of(self.opcode, self._core, opcodes) & (done != count - 1))
         with m.If(self.running & ends):
             m.d.sync += done.eq(Mux(again, done + 1, 0))
         return again
+
+    def _rounds(self) -> dict[int, list[Opcode]]:
+        """The instructions that take eight clocks more than once, by how often."""
+        found: dict[int, list[Opcode]] = {}
+        for opcode in Opcode:
+            rounds = clocks_of_instruction(opcode, self._core) // CLOCKS_PER_INSTRUCTION
+            if rounds > 1:
+                found.setdefault(rounds, []).append(opcode)
+        return found

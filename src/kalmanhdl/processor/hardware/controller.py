@@ -1,6 +1,6 @@
 """The controller: loader, control store, branch unit, I/O unit, data store and arithmetic unit together."""
 
-from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
+from amaranth.hdl import Cat, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -10,14 +10,15 @@ from kalmanhdl.processor.hardware.branch_unit import BranchUnit
 from kalmanhdl.processor.hardware.control_store import ControlStore
 from kalmanhdl.processor.hardware.data_store import DataStore
 from kalmanhdl.processor.hardware.decoding import stores
+from kalmanhdl.processor.hardware.float_alu import FloatAlu
 from kalmanhdl.processor.hardware.io_unit import IoUnit
-from kalmanhdl.processor.hardware.layouts import matrix_layout
+from kalmanhdl.processor.hardware.layouts import matrix_layout, taken, word_shape
 from kalmanhdl.processor.hardware.loader import Loader
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, WORD_BITS, Opcode
 
 
 class Controller(wiring.Component):
-    """The paper's controller: eight clocks an instruction, whatever it is.
+    """The paper's controller: eight clocks an instruction, or as often eight as it needs.
 
     After a reset it takes a program (the ports ``program_*``) and runs it. ``saturated`` says that a result
     since the reset did not fit its format. The last ports are looks inside, as the paper has them; they may
@@ -26,7 +27,7 @@ class Controller(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        word = signed(core.form.width)
+        word = word_shape(core)
         super().__init__(
             {
                 "program_word": In(WORD_BITS),
@@ -69,9 +70,8 @@ class Controller(wiring.Component):
         with m.If((fetch == 0) & second):
             m.d.sync += a.eq(data.read[0])
         chosen = self._exchange(m, branch, a)
-        alu = Alu(self._core)
-        m.submodules.alu = alu
-        m.d.comb += [alu.chosen.eq(chosen), alu.exponent.eq(self.argument_2)]
+        alu = self._alu(m, branch, chosen)
+        m.d.comb += alu.exponent.eq(self.argument_2)
         m.d.comb += [alu.opcode.eq(self.opcode), alu.a.eq(a), alu.fetched.eq(data.read[0])]
         m.d.comb += alu.take_b.eq((fetch == 1) & second)
         address = data.addresses[0]
@@ -130,13 +130,24 @@ class Controller(wiring.Component):
         ]
         return io.chosen
 
-    def _write_back(self, m: Module, data: DataStore, alu: Alu) -> None:
+    def _alu(self, m: Module, branch: BranchUnit, chosen: Value) -> Alu | FloatAlu:
+        if not self._core.floating:
+            m.submodules.alu = fixed = Alu(self._core)
+            m.d.comb += fixed.chosen.eq(chosen)
+            return fixed
+        m.submodules.alu = floats = FloatAlu(self._core)
+        third_is_fetched = (branch.what_branch == 2) & branch.second_clock
+        m.d.comb += floats.start.eq(self.running & branch.first_round & third_is_fetched)
+        return floats
+
+    def _write_back(self, m: Module, data: DataStore, alu: Alu | FloatAlu) -> None:
         reads = self.opcode == Opcode.READ.value
+        given = taken(m, self._core, self.data_in)
         for element in range(self._core.elements):
             chosen = stores(self._core, self.opcode, self.argument_2, element)
             m.d.comb += [
                 self.written_elements[element].eq(self.last_clock & chosen),
-                self.written[element].eq(Mux(reads, self.data_in, alu.result[element])),
+                self.written[element].eq(Mux(reads, given, alu.result[element])),
             ]
         m.d.comb += [data.enable.eq(self.written_elements), data.written.eq(self.written)]
         with m.If(self.last_clock):

@@ -1,6 +1,6 @@
 """The functions of FUNC: an operator for each operation of their graph, an instruction in every clock."""
 
-from amaranth.hdl import Const, Module, Mux, Value, signed
+from amaranth.hdl import Const, Module, Mux, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -8,7 +8,9 @@ from kalmanhdl.arithmetic.fixed import Fixed
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.function_stages import function_clocks, function_plan
 from kalmanhdl.processor.functions import ARGUMENTS, Root, function_graph
+from kalmanhdl.processor.hardware.layouts import word_shape
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, FUNCTIONS
+from kalmanhdl.rtl.float_values import FloatValues
 from kalmanhdl.rtl.shapes import fitted
 from kalmanhdl.rtl.timeline import Phases
 from kalmanhdl.rtl.values import Values
@@ -22,7 +24,7 @@ class FunctionUnit(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        word = signed(core.form.width)
+        word = word_shape(core)
         super().__init__(
             {
                 "a": In(word),
@@ -37,9 +39,10 @@ class FunctionUnit(wiring.Component):
         m = Module()
         phases = Phases(m, 1)
         inputs: dict[str, Value] = dict(zip(ARGUMENTS, (self.a, self.b), strict=True))
-        values = Values(m, phases, function_plan(self._core), inputs, {}, ())
+        kind = FloatValues if self._core.floating else Values
+        values = kind(m, phases, function_plan(self._core), inputs, {}, ())
         last = function_clocks(self._core)
-        value: Value = Const(0, signed(self._core.form.width))
+        value: Value = Const(0, word_shape(self._core))
         outside: Value = Const(0)
         for root in function_graph(self._core).roots:
             is_it = self.function == FUNCTIONS.index(root.function)
@@ -53,6 +56,7 @@ class FunctionUnit(wiring.Component):
     def _aligned(self, values: Values, root: Root, last: int) -> Value:
         """The value in the format of the core, which may have bits below its last one."""
         form = function_graph(self._core).typed.formats[root.value]
-        assert isinstance(form, Fixed)
-        raw = values.at(root.value, last).shift_left(self._core.form.fraction - form.fraction)
+        if not isinstance(form, Fixed):
+            return values.at(root.value, last)
+        raw = values.at(root.value, last).shift_left(self._core.fixed_form.fraction - form.fraction)
         return fitted(raw, self._core.form.width, True)

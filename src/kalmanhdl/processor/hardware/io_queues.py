@@ -1,11 +1,12 @@
 """Numbers in and out of a pipelined core by handshakes, through queues."""
 
-from amaranth.hdl import Module, Signal, Value, signed
+from amaranth.hdl import Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import Core
+from kalmanhdl.processor.hardware.layouts import word_shape
 from kalmanhdl.processor.timing import QUEUE
 
 
@@ -13,7 +14,7 @@ class Queue(wiring.Component):
     """First in, first out. ``first`` is there while ``level`` is not zero; ``push`` needs room."""
 
     def __init__(self, core: Core) -> None:
-        word = signed(core.form.width)
+        word = word_shape(core)
         super().__init__(
             {
                 "pushed": In(word),
@@ -51,7 +52,7 @@ class IoQueues(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        word = signed(core.form.width)
+        word = word_shape(core)
         super().__init__(
             {
                 "data_in": In(word),

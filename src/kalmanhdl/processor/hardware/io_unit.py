@@ -1,11 +1,11 @@
 """The I/O unit: numbers in and out by handshakes, and the signals that the conditional jumps wait for."""
 
-from amaranth.hdl import Module, signed
+from amaranth.hdl import Module
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import Core
-from kalmanhdl.processor.hardware.layouts import matrix_layout
+from kalmanhdl.processor.hardware.layouts import matrix_layout, word_shape
 from kalmanhdl.processor.instructions import ARGUMENT_BITS, OPCODE_BITS, Opcode
 
 
@@ -26,8 +26,8 @@ class IoUnit(wiring.Component):
                 "source": In(matrix_layout(core)),
                 "ack_i": Out(1),
                 "drdy_o": Out(1),
-                "data_out": Out(signed(core.form.width)),
-                "chosen": Out(signed(core.form.width)),
+                "data_out": Out(word_shape(core)),
+                "chosen": Out(word_shape(core)),
             }
         )
         self._index_bits = (core.elements - 1).bit_length()

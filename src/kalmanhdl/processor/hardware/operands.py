@@ -1,9 +1,10 @@
 """The second operand of a product: whatever it is, it becomes a matrix."""
 
-from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
+from amaranth.hdl import Const, Module, Mux, Signal, Value
 
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.decoding import is_one_of
+from kalmanhdl.processor.hardware.layouts import word_shape
 from kalmanhdl.processor.instructions import SYMMETRIC, VECTORS, Opcode
 
 
@@ -31,9 +32,9 @@ def _second_operand(core: Core, opcode: Value, power: Value, fetched: Value, ele
 
 def _power(m: Module, core: Core, exponent: Value) -> Value:
     """Two to the power of the exponent, as a number of the format."""
-    power = Signal(signed(core.form.width), name="power")
+    power = Signal(word_shape(core), name="power")
     with m.Switch(exponent):
         for each in core.exponents:
             with m.Case(each):
-                m.d.comb += power.eq(1 << each + core.form.fraction)
+                m.d.comb += power.eq(core.numbers.nearest(2.0**each))
     return power

@@ -1,23 +1,24 @@
 """The pipelined controller: fetch, operands, execute and write back of different instructions at once."""
 
-from amaranth.hdl import Module, Mux, ResetSignal, Signal, Value, signed
+from amaranth.hdl import Module, Mux, ResetSignal, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.control_store import ControlStore
 from kalmanhdl.processor.hardware.data_store import DataStore
-from kalmanhdl.processor.hardware.decoding import is_one_of, stores
+from kalmanhdl.processor.hardware.decoding import stores
 from kalmanhdl.processor.hardware.element_unit import ElementUnit
 from kalmanhdl.processor.hardware.fetch_unit import FetchUnit
+from kalmanhdl.processor.hardware.float_array import FloatArray
 from kalmanhdl.processor.hardware.io_queues import IoQueues
-from kalmanhdl.processor.hardware.layouts import matrix_layout
+from kalmanhdl.processor.hardware.layouts import matrix_layout, taken, word_shape
 from kalmanhdl.processor.hardware.loader import Loader
 from kalmanhdl.processor.hardware.operands import second_operands
 from kalmanhdl.processor.hardware.product_array import ProductArray
+from kalmanhdl.processor.hardware.results import chosen_results
 from kalmanhdl.processor.hardware.scoreboard import Scoreboard
 from kalmanhdl.processor.instructions import OPCODE_BITS, WORD_BITS, Opcode
-from kalmanhdl.processor.timing import passes
 
 
 class PipelinedController(wiring.Component):
@@ -31,7 +32,7 @@ class PipelinedController(wiring.Component):
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        word = signed(core.form.width)
+        word = word_shape(core)
         super().__init__(
             {
                 "program_word": In(WORD_BITS),
@@ -64,7 +65,7 @@ class PipelinedController(wiring.Component):
         m.submodules.scoreboard = board = Scoreboard(core)
         m.submodules.io_queues = queues = IoQueues(core)
         m.submodules.data_store = data = DataStore(core, reads=3 if core.extended else 2)
-        m.submodules.product_array = array = ProductArray(core)
+        m.submodules.product_array = array = FloatArray(core) if core.floating else ProductArray(core)
         m.submodules.element_unit = unit = ElementUnit(core)
         self._load(m, loader, store)
         m.d.comb += [
@@ -98,10 +99,11 @@ class PipelinedController(wiring.Component):
         ]
 
     def _exchange(self, m: Module, fetch: FetchUnit, queues: IoQueues, unit: ElementUnit) -> None:
+        core = self._core
         writes = Signal()
         m.d.sync += writes.eq(fetch.issued & (fetch.opcode == Opcode.WRITE.value))
         m.d.comb += [
-            queues.data_in.eq(self.data_in),
+            queues.data_in.eq(taken(m, core, self.data_in)),
             queues.drdy_i.eq(self.DRDY_I),
             self.ACK_I.eq(queues.ack_i),
             self.data_out.eq(queues.data_out),
@@ -145,7 +147,7 @@ class PipelinedController(wiring.Component):
         m: Module,
         fetch: FetchUnit,
         operands: list[list[Value]],
-        array: ProductArray,
+        array: ProductArray | FloatArray,
         unit: ElementUnit,
     ) -> None:
         core = self._core
@@ -166,27 +168,19 @@ class PipelinedController(wiring.Component):
                 m.d.comb += array.c[e].eq(operands[2][e])
 
     def _write_back(
-        self, m: Module, board: Scoreboard, data: DataStore, array: ProductArray, unit: ElementUnit
+        self,
+        m: Module,
+        board: Scoreboard,
+        data: DataStore,
+        array: ProductArray | FloatArray,
+        unit: ElementUnit,
     ) -> None:
         core, stored = self._core, board.stored
-        of_array = [each for each in Opcode if each is not Opcode.DET_33 and passes(each, core)]
-        from_array = is_one_of(stored.opcode, core, of_array)
-        special = [
-            (is_one_of(stored.opcode, core, (Opcode.RECIP,)), unit.reciprocal, unit.reciprocal_outside),
-            (is_one_of(stored.opcode, core, (Opcode.DET_33,)), array.determinant, array.determinant_outside),
-        ]
         if core.functions:
             m.d.comb += unit.function.eq(stored.element)
-            of_function = is_one_of(stored.opcode, core, (Opcode.FUNC,))
-            special.append((of_function, unit.value, unit.value_outside))
-        outside = Mux(from_array, array.outside, unit.outside)
-        for is_it, _, flag in special:
-            outside = Mux(is_it, flag, outside)
-        for e in range(core.elements):
-            value: Value = Mux(from_array, array.result[e], unit.result[e])
-            # A reciprocal may go to any element, a determinant and a function's value to the first one.
-            for is_it, number, _ in special if e == 0 else special[:1]:
-                value = Mux(is_it, number, value)
+        results = (*array.results, *unit.results)
+        values, outside = chosen_results(core, stored.opcode, unit.result_of_most, results)
+        for e, value in enumerate(values):
             m.d.comb += [
                 self.written[e].eq(value),
                 # What a reset finds on its way is lost.

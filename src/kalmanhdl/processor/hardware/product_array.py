@@ -12,8 +12,9 @@ from kalmanhdl.processor.core import Core
 from kalmanhdl.processor.hardware.alu import register
 from kalmanhdl.processor.hardware.decoding import is_one_of
 from kalmanhdl.processor.hardware.layouts import matrix_layout
+from kalmanhdl.processor.hardware.results import Result
 from kalmanhdl.processor.instructions import ACCUMULATING, OPCODE_BITS, SYMMETRIC, VECTORS, Opcode
-from kalmanhdl.processor.timing import SPLIT, Task, passes, passes_of
+from kalmanhdl.processor.timing import SPLIT, Factors, Task, passes, passes_of, uses_array
 from kalmanhdl.rtl.quantiser import quantised
 
 
@@ -50,7 +51,7 @@ class ProductArray(wiring.Component):
         self._patterns = patterns(core)
         self._numbers = {pattern: number for number, pattern in enumerate(self._patterns)}
         self._most = max(passes(each, core) for each in self._patterns)
-        self.sum_width = 2 * core.form.width + (core.size - 1).bit_length() + 1
+        self.sum_width = 2 * core.fixed_form.width + (core.size - 1).bit_length() + 1
         matrix = matrix_layout(core)
         super().__init__(
             {
@@ -62,10 +63,23 @@ class ProductArray(wiring.Component):
                 "left": Out(range(self._most + 1)),
                 "result": Out(matrix),
                 "outside": Out(1),
-                "determinant": Out(signed(core.form.width)),
+                "determinant": Out(signed(core.fixed_form.width)),
                 "determinant_outside": Out(1),
             }
         )
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """What it finds for which instructions."""
+        core = self._core
+        sums = tuple(each for each in Opcode if each is not Opcode.DET_33 and uses_array(each, core))
+        found = Result(opcodes=sums, elements=dict(enumerate(self.result)), outside=self.outside)
+        determinant = Result(
+            opcodes=(Opcode.DET_33,),
+            elements={0: self.determinant},
+            outside=self.determinant_outside,
+        )
+        return (found, determinant)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -117,7 +131,7 @@ class ProductArray(wiring.Component):
     ) -> _Unit:
         a, b, c = operands
         core = self._core
-        word = signed(core.form.width)
+        word = signed(core.fixed_form.width)
         factors = [
             (Signal(word, name=f"left_{unit}_{k}"), Signal(word, name=f"right_{unit}_{k}"))
             for k in range(core.size)
@@ -130,7 +144,7 @@ class ProductArray(wiring.Component):
                     with m.Case(value):
                         terms = [term for task in own for term in task.terms]
                         for (left, right), term in zip(factors, terms, strict=False):
-                            source = a if term.minor else b
+                            source = a if term.of[1] is Factors.A else b
                             m.d.comb += [left.eq(a[term.left]), right.eq(source[term.right])]
                         m.d.comb += kept.eq(c[own[0].element])
         products = [
@@ -139,7 +153,7 @@ class ProductArray(wiring.Component):
         second = Mux(minor, -products[1], products[1])
         total = sum(products[2:], start=products[0] + second)
         exact = Signal(signed(self.sum_width), name=f"exact_{unit}")
-        base = register(m, f"base_{unit}", kept).shift_left(core.form.fraction)
+        base = register(m, f"base_{unit}", kept).shift_left(core.fixed_form.fraction)
         m.d.comb += exact.eq(Mux(subtracted, base - total, base + total))
         return _Unit(products, total, exact)
 
@@ -162,8 +176,8 @@ class ProductArray(wiring.Component):
         """The numbers that a unit finds, with their flags: its sum, or each of its products."""
         core = self._core
         exact = [Mux(split, unit.products[0], unit.exact), *unit.products[1:]]
-        fraction = 2 * core.form.fraction
-        return [quantised(each, fraction, core.form, core.rounding, core.overflow) for each in exact]
+        fraction = 2 * core.fixed_form.fraction
+        return [quantised(each, fraction, core.fixed_form, core.rounding, core.overflow) for each in exact]
 
     def _collect(self, m: Module, then: Value, found: Sequence[Sequence[tuple[Value, Value]]]) -> None:
         """Elements in the clock in which they are found, kept until the last ones are."""
@@ -195,7 +209,7 @@ class ProductArray(wiring.Component):
     def _determinant(self, m: Module, then: Value, totals: Sequence[Value], a: Signal) -> None:
         """The first row times its cofactors, on multipliers of its own."""
         core = self._core
-        cofactors = Signal(ArrayLayout(signed(2 * core.form.width + 1), 3), reset_less=True)
+        cofactors = Signal(ArrayLayout(signed(2 * core.fixed_form.width + 1), 3), reset_less=True)
         with m.Switch(then):
             for value, pattern, _, tasks in self._cases():
                 if pattern is Opcode.DET_33:
@@ -208,5 +222,7 @@ class ProductArray(wiring.Component):
             for k in range(3)
         ]
         total = terms[0] + terms[1] + terms[2]
-        value, outside = quantised(total, 3 * core.form.fraction, core.form, core.rounding, core.overflow)
+        value, outside = quantised(
+            total, 3 * core.fixed_form.fraction, core.fixed_form, core.rounding, core.overflow
+        )
         m.d.comb += [self.determinant.eq(value), self.determinant_outside.eq(outside)]

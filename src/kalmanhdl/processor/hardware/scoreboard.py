@@ -1,5 +1,7 @@
 """The scoreboard of a pipelined core: which results are on their way, and who must wait for them."""
 
+from collections.abc import Mapping
+
 from amaranth.hdl import Const, Module, Mux, Signal, Value, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.data import StructLayout
@@ -14,7 +16,7 @@ from kalmanhdl.processor.instructions import (
     Instruction,
     Opcode,
 )
-from kalmanhdl.processor.timing import AFTER_COFACTORS, latency, passes, sources
+from kalmanhdl.processor.timing import behind, latency, sources, uses_array
 
 
 def result_layout(core: Core) -> StructLayout:
@@ -42,8 +44,13 @@ class Scoreboard(wiring.Component):
         self._core = core
         self._opcodes = [each for each in Opcode if core.has(each)]
         self._most = max(latency(each, core) for each in self._opcodes)
-        alone = max(latency(each, core) for each in self._opcodes if not passes(each, core))
-        self._slots = max(alone, 1 + AFTER_COFACTORS)
+        alone = max(latency(each, core) for each in self._opcodes if not uses_array(each, core))
+        # Instructions of the array by the clocks from its last pass to their slot.
+        self._behind: dict[int, list[Opcode]] = {}
+        for each in self._opcodes:
+            if uses_array(each, core):
+                self._behind.setdefault(behind(each, core), []).append(each)
+        self._slots = max(alone, 1 + max(self._behind))
         super().__init__(
             {
                 "opcode": In(OPCODE_BITS),
@@ -66,15 +73,18 @@ class Scoreboard(wiring.Component):
             for each in self._opcodes:
                 with m.Case(each.value):
                     m.d.comb += takes.eq(latency(each, core))
-        uses_array = is_one_of(self.opcode, core, [each for each in self._opcodes if passes(each, core)])
+        for_array = is_one_of(self.opcode, core, [each for some in self._behind.values() for each in some])
         busy = self.array_left != 0
-        is_determinant = is_one_of(of_array.opcode, core, (Opcode.DET_33,))
-        array_remains = self.array_left + Mux(is_determinant, AFTER_COFACTORS, 0)
+        of_slot = {k: is_one_of(of_array.opcode, core, some) for k, some in self._behind.items()}
+        added: Value = Const(0)
+        for k, is_it in of_slot.items():
+            added = Mux(is_it, k, added) if k else added
+        array_remains = self.array_left + added
         coming = [(busy, of_array, array_remains)]
         coming += [(slots[k].valid, slots[k], Const(k)) for k in range(1, self._slots)]
         addresses = [each[: core.address_bits] for each in self.arguments]
         used = self._used()
-        waits = uses_array & (self.array_left > 1)
+        waits = for_array & (self.array_left > 1)
         for valid, result, remains in coming:
             for uses, address in zip(used, addresses, strict=True):
                 waits = waits | (valid & uses & (result.matrix == address))
@@ -84,7 +94,7 @@ class Scoreboard(wiring.Component):
         m.d.comb += [
             self.blocked.eq(waits),
             self.stored.eq(slots[0]),
-            self.starts.eq(self.issued & uses_array),
+            self.starts.eq(self.issued & for_array),
         ]
         new = Signal(result_layout(core))
         m.d.comb += [
@@ -95,7 +105,7 @@ class Scoreboard(wiring.Component):
         ]
         with m.If(self.starts):
             m.d.sync += of_array.eq(new)
-        self._shift(m, slots, of_array, new, (uses_array, takes, is_determinant))
+        self._shift(m, slots, of_array, new, (for_array, takes), of_slot)
         return m
 
     def _used(self) -> list[Value]:
@@ -114,16 +124,17 @@ class Scoreboard(wiring.Component):
         slots: list[Signal],
         of_array: Signal,
         new: Signal,
-        about: tuple[Value, Value, Value],
+        about: tuple[Value, Value],
+        of_slot: Mapping[int, Value],
     ) -> None:
         """Every result is a clock nearer; those of the array come in with its last pass."""
-        uses_array, takes, is_determinant = about
+        for_array, takes = about
         last = self.array_left == 1
         for k, slot in enumerate(slots):
             following = slots[k + 1] if k + 1 < self._slots else Const(0, result_layout(self._core).size)
             m.d.sync += slot.eq(following)
-            with m.If(new.valid & ~uses_array & (takes == k + 1)):
+            with m.If(new.valid & ~for_array & (takes == k + 1)):
                 m.d.sync += slot.eq(new)
-            if k in (0, AFTER_COFACTORS):
-                with m.If(last & (is_determinant if k else ~is_determinant)):
+            if k in of_slot:
+                with m.If(last & of_slot[k]):
                     m.d.sync += slot.eq(of_array)
