@@ -1,6 +1,7 @@
 """The processor on floating-point numbers: what its instructions mean, its programs, what is refused."""
 
 import random
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from kalmanhdl.errors import DesignError, ProgramError
 from kalmanhdl.graph.functions import value_of
 from kalmanhdl.graph.operations import Function
 from kalmanhdl.processor.arithmetic import compute
+from kalmanhdl.processor.checks import drawn_rows
 from kalmanhdl.processor.compiler.evaluate import Engine
 from kalmanhdl.processor.compiler.generate import tokens
 from kalmanhdl.processor.core import Core
@@ -25,8 +27,11 @@ from kalmanhdl.processor.follow import follow, rows_of
 from kalmanhdl.processor.instructions import FUNCTIONS, MINORS, Opcode, build
 from kalmanhdl.processor.peripherals import bench
 from kalmanhdl.processor.simulator import Machine, run
+from kalmanhdl.processor.simulators import bench_runs
 from kalmanhdl.processor.timing import clocks_of_instruction, latency
+from kalmanhdl.processor.verilog import core_verilog
 from kalmanhdl.simulate.data import plots_from_arrays
+from kalmanhdl.toolchain.simulators import Simulator
 
 FORMS = (Float(8, 23), Float(5, 10), Float(5, 10, subnormals=False), Float(4, 3, Rounding.TOWARD_ZERO))
 
@@ -287,3 +292,11 @@ def test_programs_written_by_hand_run_on_floats(tmp_path):
         done = said(*given, *wrong)
         assert done.exit_code == 2
         assert message in " ".join(done.output.split())
+
+
+@pytest.mark.skipif(not shutil.which("iverilog"), reason="no Icarus Verilog")
+def test_the_test_bench_of_floats_sees_what_the_engine_says():
+    text = CAR.replace('format = "single"', "exponent = 6\nmantissa = 9\nsubnormals = false")
+    fit = fitted(loads(text.replace('"conventional"', '"sequential"')))
+    found = bench_runs(fit, core_verilog(fit.core), drawn_rows(fit, 3), 3, Simulator.ICARUS)
+    assert found.outputs == 3 * 8
