@@ -46,13 +46,12 @@ def joseph_correction(
 ) -> Correction:
     """The update by an innovation y (m,), zero where a component is missed."""
     gain = optimal_gain(model, prior, valid)
-    P = joseph_covariance(model, prior, gain.K, valid)
+    P = joseph_covariance(model, prior, named("update: Kv", _of_valid(gain.K, valid)))
     return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
 
 
-def joseph_covariance(model: Observation, prior: Belief, K: Array, valid: tuple[Condition, ...]) -> Array:
-    """(I - K H) P (I - K H)' + K R K' for any gain K, whose columns of missed components count as zero."""
-    K = named("update: Kv", _of_valid(K, valid))
+def joseph_covariance(model: Observation, prior: Belief, K: Array) -> Array:
+    """(I - K H) P (I - K H)' + K R K' for any gain K, whose columns of missed components are zero."""
     A = named("update: A", np.eye(model.n).astype(object) - K @ model.H.astype(object))
     AP = named("update: AP", A @ prior.P)
     KR = named("update: KR", K @ model.R.astype(object))

@@ -32,7 +32,7 @@ Point = tuple[tuple[float, ...], ...]
 POINTS: tuple[About, ...] = ("identity", "initial", "steady_state")
 
 MAX_NEWTON = 8
-# Every combination of valid components has constants of its own.
+# Every combination of valid components has an inverse of its own.
 MAX_BLOCK = 6
 # So many misses in a row must a point bear that is recommended: what formats are made for if nothing is said.
 _MISSED = 5
@@ -62,8 +62,9 @@ class Taylor(Algorithm):
     A point too high only makes gains too small, which ``newton`` repairs.
 
     No reciprocals. Multiplications of signals for dense H: n m^2 for the gain, 2 n^3 + n^2 m for the
-    covariance, and 2 m^3 for each of the ``newton`` steps; about m^4 / 4 by constants. Choose it where the
-    covariance stays near one value and a reciprocal is too long for the loop or too large.
+    covariance, and 2 m^3 for the expansion and for each of the ``newton`` steps; a diagonal S0 takes the
+    expansion's by constants. Choose it where the covariance stays near one value and a reciprocal is too
+    long for the loop or too large.
     """
 
     about: About | Point = "steady_state"
@@ -149,7 +150,7 @@ class _Expanded(Algorithm):
 def _update(model: LinearModel, S0: Numbers, newton: int, prior: Belief, given: Given) -> Correction:
     y = innovation(model, prior.x, given)
     gain = _approximate_gain(model, S0, newton, prior, given.valid)
-    P = joseph_covariance(model, prior, gain.K, given.valid)
+    P = joseph_covariance(model, prior, gain.K)
     return corrected(prior.x + gain.K @ y, P, y, normalised_innovation_squared(model, gain, y))
 
 
@@ -168,52 +169,52 @@ def _approximate_gain(
         place = np.ix_(part, part)
         X[place] = _expansion(S[place], S0[place], [valid[j] for j in part])
     for _ in range(newton):
-        X = symmetric(2.0 * X - X @ (S @ X))
+        X = _nearer(X, S)
     X = named("update: Si", X)
     return Gain(PHt, named("update: K", PHt @ X), X, parts)
 
 
 def _expansion(S: Array, S0: Numbers, valid: Sequence[Condition]) -> Array:
-    """2 X0 - X0 S X0 over the valid components of a block, zero in rows and columns of the others.
-
-    A block of one is left as it is: nobody uses the gain of a missed component.
-    """
-    count = len(S)
-    if count == 1:
-        return _about(S, S0)
+    """2 X0 - X0 S X0 over the valid components of a block, zero in rows and columns of the others."""
     if not np.any(S0 - np.diag(np.diag(S0))):
-        X = _about(S, S0)
-        for i, j in np.ndindex(count, count):
-            X[i, j] = select(both(valid[i], valid[j]), X[i, j], 0.0)
-        return X
-    if count > MAX_BLOCK:
-        problem = f' = "{Taylor.kind}" expands at most {MAX_BLOCK} correlated innovations, here are {count}: '
+        return _of_uncorrelated(S, np.diag(S0), valid)
+    if len(S) > MAX_BLOCK:
+        most = f"at most {MAX_BLOCK} correlated innovations, here are {len(S)}: "
+        problem = f' = "{Taylor.kind}" expands {most}'
         raise InvalidModelValueError("algorithm", "kind", problem + 'use "sequential"')
-    expansions = {}
-    for used in _subsets(count):
-        whole = np.zeros((count, count), object)
-        whole[np.ix_(used, used)] = _about(S[np.ix_(used, used)], S0[np.ix_(used, used)])
-        expansions[used] = whole
-    X = np.zeros((count, count), object)
-    for i, j in np.ndindex(count, count):
-        X[i, j] = _chosen({used: whole[i, j] for used, whole in expansions.items()}, valid, ())
-    return symmetric(X)
+    X0 = named("update: X0", _inverse_of_valid(S0, valid))
+    return _nearer(X0, S)
 
 
-def _about(S: Array, S0: Numbers) -> Array:
-    """X0 - X0 (S - S0) X0 as sums over the upper triangle of S, each entry by a constant, liu2007 eq. 14."""
+def _nearer(X: Array, S: Array) -> Array:
+    """2 X - X S X: the first order about the inverse of X, liu2007 eq. 14, and then each step of Newton's."""
+    return symmetric(2.0 * X - X @ (S @ X))
+
+
+def _of_uncorrelated(S: Array, diagonal: Numbers, valid: Sequence[Condition]) -> Array:
+    """The expansion about a diagonal S0, each entry of S by a constant."""
     count = len(S)
-    X0 = np.linalg.inv(S0) if count else S0
     X = np.zeros((count, count), object)
+    for a, b in np.ndindex(count, count):
+        entry = (2.0 / diagonal[a] if a == b else 0.0) - S[a, b] * (1.0 / (diagonal[a] * diagonal[b]))
+        X[a, b] = select(both(valid[a], valid[b]), entry, 0.0)
+    return X
+
+
+def _inverse_of_valid(S0: Numbers, valid: Sequence[Condition]) -> Array:
+    """The inverse of the part of S0 that belongs to the valid components; zero elsewhere."""
+    count = len(S0)
+    inverses = {}
+    for used in _subsets(count):
+        place = np.ix_(used, used)
+        inverses[used] = np.zeros((count, count))
+        inverses[used][place] = np.linalg.inv(S0[place])
+    X0 = np.zeros((count, count), object)
     for a in range(count):
         for b in range(a, count):
-            total: Any = 2.0 * X0[a, b]
-            for c in range(count):
-                for d in range(c, count):
-                    weight = X0[a, c] * X0[d, b] + (X0[a, d] * X0[c, b] if c != d else 0.0)
-                    total = total - S[c, d] * float(weight)
-            X[a, b] = X[b, a] = total
-    return X
+            entries = {used: float(inverse[a, b]) for used, inverse in inverses.items()}
+            X0[a, b] = X0[b, a] = _chosen(entries, valid, ())
+    return X0
 
 
 def _subsets(count: int) -> list[tuple[int, ...]]:
