@@ -76,7 +76,9 @@ def test_a_schedule_said_to_be_the_least_is_the_least_of_all():
     at = pace(step_of(typed, UNIT, 1, frozenset(), shared), 3000)
     points = precedence(at, shared)
     interval = 40
-    problem = Problem(points=points, sharing=shared, interval=interval, longest=interval, latency=60)
+    problem = Problem(
+        points=points, sharing=shared, registers=at.registers, interval=interval, longest=interval, latency=60
+    )
     hint = dict.fromkeys((*points.shared, *(loop.read for loop in points.loops)), 0)
     answer = solve(problem, Effort(5.0), 1.0, hint)
     assert answer.cycles is not None
@@ -101,7 +103,14 @@ def test_an_interval_that_cannot_be_is_proven_so():
     typed = waves(2)
     shared = sharing(typed, {"multiply": 1, "add": 1})
     at = pace(step_of(typed, PLAUSIBLE, 1, frozenset(), shared), 6000)
-    problem = Problem(points=precedence(at, shared), sharing=shared, interval=4, longest=4, latency=1)
+    problem = Problem(
+        points=precedence(at, shared),
+        sharing=shared,
+        registers=at.registers,
+        interval=4,
+        longest=4,
+        latency=1,
+    )
     assert solve(replace(problem, latency=problem.unlimited), Effort(1.0), 1.0).impossible
 
 

@@ -7,7 +7,8 @@ from graphs import typed_graphs
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from kalmanhdl.design import Design
+from kalmanhdl import pipeline
+from kalmanhdl.design import Architecture, Design
 from kalmanhdl.errors import ScheduleError
 from kalmanhdl.graph.kinds import KINDS
 from kalmanhdl.pipeline import fixed_numbers
@@ -23,19 +24,20 @@ def read_wrongly(plan, spoiled=lambda file: file):
     for unit in plan.units:
         for port in ports(plan, unit):
             for number, file in enumerate(map(spoiled, port.files)):
-                place = {(e.value, e.shift): e for e in file.entries}
+                place = {(value, e.shift): e for value, e in file.kept}
                 events = []
                 for step in range(STEPS):
                     begin = step * plan.interval
                     for entry in file.entries:
                         # What is written in a clock can be read in the next.
                         events.append(
-                            (begin + entry.written, 1, step, entry.slot, (step, entry.value, entry.shift))
+                            (begin + entry.written, 1, step, entry.slot, (step, entry.values, entry.shift))
                         )
                     for read in port.reads:
                         if read.file == number:
-                            slot = place[read.value, read.shift].slot
-                            events.append((begin + read.cycle, 0, step, slot, (step, read.value, read.shift)))
+                            entry = place[read.value, read.shift]
+                            kept = (step, entry.values, entry.shift)
+                            events.append((begin + read.cycle, 0, step, entry.slot, kept))
                 held = {}
                 clocks = [(clock, kind) for clock, kind, *_ in events if kind]
                 assert len(clocks) == len(set(clocks)), "two values written in one clock"
@@ -72,3 +74,12 @@ def test_values_that_share_one_place_are_seen():
 
     assert read_wrongly(plan) == []
     assert read_wrongly(plan, spoiled)
+
+
+def test_values_that_are_one_integer_on_one_wire_are_kept_once():
+    design = Design.load("designs/liu2007_bierman_thornton.toml")
+    one = replace(design, architecture=Architecture(units={"multiply_add": 1, "multiply": 1}))
+    plan = pipeline.planned(one, pipeline.numbers_of(one))
+    files = [file for unit in plan.units for port in ports(plan, unit) for file in port.files]
+    assert any(len(entry.values) > 1 for file in files for entry in file.entries)
+    assert read_wrongly(plan) == []

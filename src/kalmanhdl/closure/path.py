@@ -161,7 +161,7 @@ class Reader:
         unit = _unit_of(end, self._units)
         if unit is not None and (found := re.match(r"_operand_(\d+)_file_(\d+)", end[len(unit) :])):
             port = self._choices[unit][int(found[1])]
-            return [entry.value for entry in port.files[int(found[2])].entries]
+            return [value for value, _ in port.files[int(found[2])].kept]
         if end.startswith("context_"):
             return self._roots(end)
         if end.startswith("results"):

@@ -7,13 +7,14 @@ from amaranth.lib.memory import Memory
 
 from kalmanhdl.graph.operations import Constant, Subtract, SumOfProducts
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.rtl.choice import chosen
 from kalmanhdl.rtl.shapes import fitted
 from kalmanhdl.rtl.shared_unit import SharedUnit
 from kalmanhdl.rtl.timeline import Phases
 from kalmanhdl.rtl.values import Values
 from kalmanhdl.schedule.accumulator import finer, mode
 from kalmanhdl.schedule.plan import Plan
-from kalmanhdl.schedule.results import source
+from kalmanhdl.schedule.results import Own, source
 from kalmanhdl.schedule.storage import File, Port, Read
 
 
@@ -21,8 +22,8 @@ def take_turns(m: Module, phases: Phases, values: Values, unit: SharedUnit, name
     """Bring the operands of every turn to the ports of a shared operator."""
     plan, later = values.plan, unit.unit.steps - 1
     for number, port in enumerate(unit.choices):
-        chosen = _Chosen(m, phases, values, f"{name}_operand_{number}", getattr(unit, f"operand_{number}"))
-        chosen.connect(port, unit.unit.steps)
+        operand = _Operand(m, phases, values, f"{name}_operand_{number}", getattr(unit, f"operand_{number}"))
+        operand.connect(port, unit.unit.steps)
     if unit.unit.busy > 1:
         words = [0] * plan.interval
         for index in unit.unit.operations:
@@ -58,7 +59,7 @@ def _sum_products(m: Module, phases: Phases, values: Values, unit: SharedUnit, n
         m.d.comb += port.eq(phases.table(f"{name}_{field}", words, len(port)))
 
 
-class _Chosen:
+class _Operand:
     """One operand port of a shared operator, and everything in front of it."""
 
     def __init__(self, m: Module, phases: Phases, values: Values, name: str, operand: Signal) -> None:
@@ -86,12 +87,20 @@ class _Chosen:
             elif read.file is not None:
                 choose(read, read.file, files[read.file])
             else:
-                register = self._values.at(read.value, read.cycle)
-                choose(read, (id(register), read.shift), self._fitted(register.shift_left(read.shift)))
+                key, value = self._standing(read)
+                choose(read, (key, read.shift), self._fitted(value.shift_left(read.shift)))
         if steps == 2:
             words, sources = self._first_step(words, sources)
         select = self._phases.table(f"{self._name}_select", words, (len(sources) - 1).bit_length())
         self._m.d.comb += self._operand.eq(self._selected(select, sources))
+
+    def _standing(self, read: Read) -> tuple[object, Value]:
+        """What has the value in the cycle: the wire on which it comes, of others too, or a register."""
+        wire = self._values.wires.of(read.value)
+        if read.cycle == self._plan.end(read.value) and not isinstance(wire, Own):
+            return source(wire), self._values.result(read.value)
+        register = self._values.at(read.value, read.cycle)
+        return id(register), register
 
     def _first_step(self, words: list[int], sources: list[Value]) -> tuple[list[int], list[Value]]:
         """One source of each of a few groups, in registers, and which group is the one a clock later."""
@@ -126,16 +135,7 @@ class _Chosen:
         return self._phases.table(f"{self._name}_constant", words, width)
 
     def _selected(self, select: Value, sources: list[Value], name: str = "") -> Value:
-        if len(sources) == 1:
-            return sources[0]
-        chosen = Signal.like(self._operand, name=f"{name or self._name}_chosen")
-        with self._m.Switch(select):
-            for number, source in enumerate(sources[:-1]):
-                with self._m.Case(number):
-                    self._m.d.comb += chosen.eq(source)
-            with self._m.Default():
-                self._m.d.comb += chosen.eq(sources[-1])
-        return chosen
+        return chosen(self._m, name or self._name, select, sources, self._operand.shape())
 
     def _file(self, number: int, file: File, port: Port) -> Value:
         """A memory that keeps values until their turn; its value of the phase."""
@@ -145,14 +145,15 @@ class _Chosen:
         enable, chosen_from, write, written = ([0] * interval for _ in range(4))
         for entry in file.entries:
             phase = entry.written % interval
-            key = source(self._values.wires.of(entry.value)), entry.shift
+            value, *_ = entry.values
+            key = source(self._values.wires.of(value)), entry.shift
             if key not in place:
                 place[key] = len(sources)
-                sources.append(self._fitted(self._values.result(entry.value).shift_left(entry.shift)))
+                sources.append(self._fitted(self._values.result(value).shift_left(entry.shift)))
             enable[phase], chosen_from[phase], write[phase] = 1, place[key], entry.slot
             written[phase] = entry.written // interval % file.turns
         read, since = [0] * interval, [0] * interval
-        slot = {(entry.value, entry.shift): entry.slot for entry in file.entries}
+        slot = {(value, entry.shift): entry.slot for value, entry in file.kept}
         for each in port.reads:
             if each.file == number:
                 phase = each.cycle % interval
@@ -161,16 +162,16 @@ class _Chosen:
         self._m.submodules[name] = memory
         into, out = memory.write_port(), memory.read_port(domain="comb")
         table, bits = self._phases.table, (len(sources) - 1).bit_length()
-        chosen = self._selected(table(f"{name}_source", chosen_from, bits), sources)
+        written_value = self._selected(table(f"{name}_source", chosen_from, bits), sources)
         self._m.d.comb += [
             into.en.eq(table(f"{name}_enable", enable, 1)),
-            into.data.eq(chosen),
+            into.data.eq(written_value),
             into.addr.eq(self._address(file, f"{name}_write", write, written)),
             out.addr.eq(self._address(file, f"{name}_read", read, since)),
         ]
-        value = Signal.like(self._operand, name=f"{name}_value")
-        self._m.d.comb += value.eq(out.data)
-        return value
+        waiting = Signal.like(self._operand, name=f"{name}_value")
+        self._m.d.comb += waiting.eq(out.data)
+        return waiting
 
     def _address(self, file: File, name: str, slots: list[int], turns: list[int]) -> Value:
         """The slot of the phase, in the place of the step that began so many intervals ago."""

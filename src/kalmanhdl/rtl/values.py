@@ -38,6 +38,7 @@ from kalmanhdl.graph.operations import (
 )
 from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.rtl import exact
+from kalmanhdl.rtl.bus import Bus
 from kalmanhdl.rtl.exact import Number
 from kalmanhdl.rtl.layouts import shape
 from kalmanhdl.rtl.names import operation_names
@@ -49,7 +50,7 @@ from kalmanhdl.rtl.stages import named
 from kalmanhdl.rtl.table import looked_up
 from kalmanhdl.rtl.timeline import Always, Phases, Timeline
 from kalmanhdl.schedule.plan import Plan
-from kalmanhdl.schedule.results import Cut, FromUnit, Moved, Own, Rounded, Wire
+from kalmanhdl.schedule.results import Cut, FromUnit, Moved, OnBus, Own, Rounded, Wire, source
 from kalmanhdl.schedule.storage import standing, wires
 
 
@@ -76,6 +77,7 @@ class Values:
         self._inputs = inputs
         self._states = states
         self._units = units
+        self._buses = [Bus(plan, self.wires, units, number) for number in range(len(plan.buses))]
         self._standing = standing(plan)
         self._wired: dict[Wire, Value] = {}
         self._names = operation_names(plan.typed.graph)
@@ -83,6 +85,8 @@ class Values:
         self._timelines: list[Timeline | Always] = []
         for index, operation in enumerate(plan.typed.graph.operations):
             self._timelines.append(self._timeline(index, operation))
+        for bus in self._buses:
+            bus.drive(m, phases, self.at)
 
     def at(self, index: int, cycle: int) -> Value:
         """The value of an operation as it stands in a cycle, its end or later."""
@@ -95,24 +99,27 @@ class Values:
 
     def _on(self, wire: Wire) -> Value:
         """The hardware behind a wire that several operations share."""
-        if wire not in self._wired:
-            self._wired[wire] = self._behind(wire)
-        return self._wired[wire]
+        carrier = source(wire) if isinstance(wire, OnBus) else wire
+        if carrier not in self._wired:
+            self._wired[carrier] = self._behind(carrier)
+        return self._wired[carrier]
 
     def _behind(self, wire: Wire) -> Value:
         match wire:
             case FromUnit(unit):
                 return self._units[unit].result
-            case Moved(source):
-                return self._on(source)
-            case Cut(source, form):
+            case OnBus(bus):
+                return self._buses[bus].carried
+            case Moved(before):
+                return self._on(before)
+            case Cut(before, form):
                 if form is None:
-                    return exact.negative(Number(self._on(source), self._form_on(source)))
-                low = aligned(self._on(source), self._form_on(source).fraction, form, Rounding.FLOOR)
+                    return exact.negative(Number(self._on(before), self._form_on(before)))
+                low = aligned(self._on(before), self._form_on(before).fraction, form, Rounding.FLOOR)
                 return fitted(low, form.width, form.signed)
-            case Rounded(source, form, rounding, overflow, outside):
-                fraction = self._form_on(source).fraction
-                both = quantised(self._on(source), fraction, form, rounding, overflow)
+            case Rounded(before, form, rounding, overflow, outside):
+                fraction = self._form_on(before).fraction
+                both = quantised(self._on(before), fraction, form, rounding, overflow)
                 value = both[outside]
                 name = f"shared_{'outside' if outside else 'rounded'}_{len(self._wired)}"
                 return named(self._m, name, value)
@@ -126,8 +133,11 @@ class Values:
             case FromUnit(unit, fraction):
                 form = self._units[unit].form
                 return Fixed(width=form.width, fraction=fraction, signed=form.signed)
-            case Moved(source, exponent):
-                form = self._form_on(source)
+            case OnBus(bus, fraction):
+                form = self._buses[bus].form
+                return Fixed(width=form.width, fraction=fraction, signed=form.signed)
+            case Moved(before, exponent):
+                form = self._form_on(before)
                 return Fixed(width=form.width, fraction=form.fraction - exponent, signed=form.signed)
             case Cut(_, form) | Rounded(_, form):
                 assert form is not None

@@ -167,6 +167,7 @@ class Attempt:
         return Problem(
             points=self.points,
             sharing=self.sharing,
+            registers=self.pace.registers,
             interval=interval,
             longest=interval * self.channels,
             latency=latency,

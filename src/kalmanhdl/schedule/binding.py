@@ -21,11 +21,12 @@ class _Bound:
     operations: list[int] = field(default_factory=list)
     phases: set[int] = field(default_factory=set)
     ports: tuple[set[Wire | None], ...] = ()
+    buses: set[int] = field(default_factory=set)
 
-    def growth(self, reads: _Reads) -> int:
-        """How many more choices its ports would have."""
+    def growth(self, reads: _Reads, bus: int | None) -> int:
+        """How many more choices its ports would have, and the bus on which it leaves."""
         new = (set(wires) - port for wires, port in zip(zip(*reads, strict=True), self.ports, strict=True))
-        return sum(map(len, new))
+        return sum(map(len, new)) + (bus is not None and bus not in self.buses)
 
 
 def bound(
@@ -34,6 +35,7 @@ def bound(
     ends: Sequence[int],
     interval: int,
     sharing: Sharing,
+    buses: Sequence[tuple[int, ...]],
 ) -> tuple[Unit, ...]:
     """The operators with their operations.
 
@@ -49,10 +51,11 @@ def bound(
     given = _of_iterative(starts, interval, sharing, places)
     left = {kind: len(who) for kind, who in sharing.operations.items()}
     chosen: dict[int, int] = {}
+    leaves = {index: number for number, bus in enumerate(buses) for index in bus}
     around = interval if sharing.pairs else max(starts) + 1
     for index in sorted(kinds, key=lambda k: (starts[k] % around, k)):
         # New for each: more operations have their operators, so that more wires are known.
-        wires = Wires(typed, starts, ends, chosen)
+        wires = Wires(typed, starts, ends, chosen, leaves)
         reads = [
             tuple(
                 None if isinstance(typed.graph.operations[k], Constant) else source(wires.of(k)) for k in pair
@@ -65,12 +68,14 @@ def bound(
         if index in given:
             free = [given[index]]
         empty = [k for k in free if not units[k].operations]
-        best = min(empty if left[kind] == len(empty) else free, key=lambda k: _cost(units[k], reads, k))
+        bus = leaves.get(index)
+        best = min(empty if left[kind] == len(empty) else free, key=lambda k: _cost(units[k], reads, bus, k))
         left[kind] -= 1
         unit = units[best]
         unit.ports = unit.ports or tuple(set() for _ in reads[0])
         unit.operations.append(index)
         unit.phases.update(range(phase, phase + len(reads)))
+        unit.buses |= set() if bus is None else {bus}
         for pair in reads:
             for wire, port in zip(pair, unit.ports, strict=True):
                 port.add(wire)
@@ -86,6 +91,17 @@ def bound(
     )
 
 
+def carried(ends: Sequence[int], interval: int, sharing: Sharing) -> tuple[tuple[int, ...], ...]:
+    """The sums of products that leave on each bus: of one phase each on another, the lowest first."""
+    buses: list[list[int]] = [[] for _ in range(sharing.buses)]
+    taken = [0] * interval
+    for index in sorted(sharing.pairs, key=lambda k: (ends[k] % interval, k)):
+        phase = ends[index] % interval
+        buses[taken[phase]].append(index)
+        taken[phase] += 1
+    return tuple(tuple(bus) for bus in buses if bus)
+
+
 def _of_iterative(
     starts: Sequence[int], interval: int, sharing: Sharing, places: dict[str, range]
 ) -> dict[int, int]:
@@ -99,8 +115,8 @@ def _of_iterative(
     return found
 
 
-def _cost(unit: _Bound, reads: _Reads, number: int) -> tuple[int, int, int]:
+def _cost(unit: _Bound, reads: _Reads, bus: int | None, number: int) -> tuple[int, int, int]:
     if not unit.ports:
         # An operator without operations costs a choice at each port, as a new one at a busy one would.
         return len({(port, wire) for pair in reads for port, wire in enumerate(pair)}), 0, number
-    return unit.growth(reads), sum(map(len, unit.ports)), number
+    return unit.growth(reads, bus), sum(map(len, unit.ports)), number

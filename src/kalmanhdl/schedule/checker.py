@@ -135,6 +135,24 @@ def _turns(plan: Plan) -> Iterator[str]:
             yield f"operator {number} ({unit.kind}) has operations of different length, or none"
         if any(plan.registers[index] < unit.steps for index in unit.operations):
             yield f"operator {number} ({unit.kind}) has no registers for its operands"
+    yield from _leaving(plan)
+
+
+def _leaving(plan: Plan) -> Iterator[str]:
+    """Sums of products leave on one bus each, one at a time."""
+    sums = [k for unit in plan.units if unit.kind == "multiply_add" for k in unit.operations]
+    if sorted(sums) != sorted(index for bus in plan.buses for index in bus):
+        yield "the buses do not carry every sum of products once"
+    for number, bus in enumerate(plan.buses):
+        leaves = dict[int, int]()
+        for index in bus:
+            phase = plan.end(index) % plan.interval
+            if phase in leaves:
+                yield (
+                    f"{_name(plan, index)} and {_name(plan, leaves[phase])} both leave on bus {number} in "
+                    f"cycle {phase} of the interval"
+                )
+            leaves[phase] = index
 
 
 def _tails(plan: Plan, device: Device) -> list[int]:

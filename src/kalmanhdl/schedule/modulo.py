@@ -6,6 +6,7 @@ from kalmanhdl.numerics.typed import TypedGraph
 from kalmanhdl.schedule.allocation import Task, allocated
 from kalmanhdl.schedule.attempt import Allocation
 from kalmanhdl.schedule.binding import bound as bound_units
+from kalmanhdl.schedule.binding import carried
 from kalmanhdl.schedule.lifetimes import with_fewer_registers
 from kalmanhdl.schedule.multipliers import on_blocks, too_wide
 from kalmanhdl.schedule.operator import picoseconds
@@ -81,6 +82,7 @@ def _plan(
     attempt, turns = found.attempt, found.turns
     at = tight(attempt.pace, turns.times)
     ends = [start + held for start, held in zip(turns.starts, at.registers, strict=True)]
+    buses = carried(ends, found.interval, attempt.sharing)
     return Plan(
         typed=typed,
         start=tuple(turns.starts),
@@ -95,7 +97,8 @@ def _plan(
         least_latency=found.least_latency,
         period_ns=at.period / 1000,
         pipelined_period_ns=at.period / 1000,
-        units=bound_units(typed, turns.starts, ends, found.interval, attempt.sharing),
+        units=bound_units(typed, turns.starts, ends, found.interval, attempt.sharing, buses),
+        buses=buses,
     )
 
 

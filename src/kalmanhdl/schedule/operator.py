@@ -103,17 +103,19 @@ class Operator:
 class MultiplyAdd(Operator):
     """A sum of so many ``pairs``: a product, the ``add`` that follows each, and what ``ends`` their sum.
 
-    The ``pieces`` are those of the product. Behind every sum stands its register.
+    The ``pieces`` are those of the product. Behind every sum stands its register. What is in the end chosen
+    for a bus comes ``leaving`` later.
     """
 
     add: int
     ends: int
+    leaving: int
     pairs: int = 1
 
     @property
     def delay(self) -> int:
         """Picoseconds from the operands of one product to the value."""
-        return round((sum(self.pieces) + self.add + self.ends) * self.derate)
+        return round((sum(self.pieces) + self.add + self.ends + self.leaving) * self.derate)
 
     @property
     def capacity(self) -> int:
@@ -131,7 +133,8 @@ class MultiplyAdd(Operator):
         *first, last = self._inside(held.inside)
         front = (*first, last, self.add) if held.apart else (*first, last + self.add)
         sums = (self.add,) * (self.pairs - 1)
-        return (*self.fetch, *front, *sums, self.ends, *((0,) * held.kept))
+        back = (self.ends, self.leaving) if held.kept else (self.ends + self.leaving,)
+        return (*self.fetch, *front, *sums, *back)
 
     def shortest_stage(self, tail: int) -> int:
         """The least budget that it fits into with any number of registers, by the table."""

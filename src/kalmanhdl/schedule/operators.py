@@ -148,14 +148,14 @@ def shared_operator(
     if isinstance(typed, FloatGraph):
         inner = float_operator(typed, who[0], device, bool(on_block & frozenset(who)))
     else:
-        inner = _integer_operator(typed, kind, who, device, on_block)
+        inner = _integer_operator(typed, kind, who, device, count, on_block)
     fetch = _fetch(device, width, ceil(len(who) / count), steps)
     made = replace(inner, kind=kind, fetch=fetch, kept=apart.kept)
     return asked(typed, who[0], made)
 
 
 def _integer_operator(
-    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, on_block: frozenset[int]
+    typed: TypedGraph, kind: str, who: tuple[int, ...], device: Device, count: int, on_block: frozenset[int]
 ) -> Operator:
     made = core(typed, kind, who)
     forms = [port.form for port in made.operands]
@@ -164,7 +164,7 @@ def _integer_operator(
             on_blocks = bool(on_block & frozenset(who))
             return _product(forms[0], forms[1], device, on_blocks, typed.logic_product)
         case "multiply_add":
-            return _multiply_add(typed, made, who, device, bool(on_block & frozenset(who)))
+            return _multiply_add(typed, made, who, device, count, bool(on_block & frozenset(who)))
         case "add" | "subtract":
             return Operator(kind=kind, pieces=(_delay(device, "add", made.form.width),))
         case _:
@@ -172,9 +172,9 @@ def _integer_operator(
 
 
 def _multiply_add(
-    typed: TypedGraph, made: Core, who: tuple[int, ...], device: Device, on_block: bool
+    typed: TypedGraph, made: Core, who: tuple[int, ...], device: Device, count: int, on_block: bool
 ) -> MultiplyAdd:
-    """A product, its place in the sum, the sum, the quantisation of that."""
+    """A product, its place in the sum, the sum, its quantisation, the choice among ``count`` of these."""
     product = _product(made.operands[0].form, made.operands[1].form, device, on_block, typed.logic_product)
     sums, width = accumulator(typed, who), made.form.width
     place = _delay(device, "shift", sums.lifts + 1) if sums.lifts else 0
@@ -187,6 +187,7 @@ def _multiply_add(
         blocks=product.blocks,
         add=place + _delay(device, "add", sums.width),
         ends=rounding + limits + _levels(len(sums.modes)) * _delay(device, "select", width),
+        leaving=_levels(count) * _delay(device, "select", width),
     )
 
 

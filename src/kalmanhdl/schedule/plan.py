@@ -24,7 +24,8 @@ class Plan:
 
     ``units`` are operators on which several operations take turns, no two in cycles that are equal modulo
     ``interval``; a shared operator takes its operands into registers of its own, the first of
-    ``registers``. Every other operation has an operator of its own.
+    ``registers``. Every other operation has an operator of its own. Sums of products leave on ``buses``, each
+    the operations whose results it carries, no two in equal cycles.
     """
 
     typed: TypedGraph | FloatGraph
@@ -46,6 +47,7 @@ class Plan:
     period_ns: float
     pipelined_period_ns: float
     units: tuple[Unit, ...] = ()
+    buses: tuple[tuple[int, ...], ...] = ()
 
     @property
     def sharing(self) -> Sharing:
@@ -59,6 +61,7 @@ class Plan:
             operations={kind: tuple(sorted(who)) for kind, who in found.items()},
             busy={unit.kind: unit.busy for unit in self.units if unit.busy > 1},
             pairs=pairs(self.typed.graph.operations, found.get("multiply_add", ())),
+            buses=len(self.buses),
             two_steps=frozenset(unit.kind for unit in self.units if unit.steps > 1),
         )
 

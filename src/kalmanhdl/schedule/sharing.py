@@ -5,7 +5,7 @@ operator serves operations of different formats: sums are aligned, and divisions
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil
 
 from kalmanhdl.arithmetic.division import LongDivision, TableNewton
@@ -49,7 +49,7 @@ class Sharing:
     An operation takes an iterative operator for the cycles ``busy[kind]``, which lie within one interval. Any
     other operator takes one pair of operands a cycle: of a sum of products there are ``pairs``, in cycles one
     after the other that lie within one interval as well. Operands are chosen in one cycle, or in two for
-    kinds in ``two_steps``.
+    kinds in ``two_steps``. Sums of products leave their operators on ``buses``, one a cycle on each.
     """
 
     counts: dict[str, int]
@@ -57,6 +57,7 @@ class Sharing:
     busy: dict[str, int] = field(default_factory=dict)
     two_steps: frozenset[str] = frozenset()
     pairs: dict[int, int] = field(default_factory=dict)
+    buses: int = 0
 
     def kind(self) -> dict[int, str]:
         """The kind of the shared operator of each operation that has one."""
@@ -115,24 +116,31 @@ def sharing(
         if kind not in KINDS:
             raise refused(f"units.{kind}", f" is unknown: kinds are {', '.join(KINDS)}")
     apart = frozenset((*own, *_fused(typed)))
-    found: dict[str, list[int]] = {}
+    alike: dict[str, list[int]] = {}
     for index, operation in enumerate(typed.graph.operations):
         word = kind_of(operation, units)
         if word is not None and index not in apart:
-            found.setdefault(word, []).append(index)
-    counts = {kind: limit(kind, units) or 0 for kind in found}
+            alike.setdefault(word, []).append(index)
+    counts = {kind: limit(kind, units) or 0 for kind in alike}
     always = {*iterative, "multiply_add"}
-    shared = {kind: tuple(who) for kind, who in found.items() if len(who) > counts[kind] or kind in always}
+    shared = {kind: tuple(who) for kind, who in alike.items() if len(who) > counts[kind] or kind in always}
     for kind, who in shared.items():
         if counts[kind] < 1:
             raise refused(f"units.{kind}", f" is {counts[kind]}: use 1 or more")
         _check_alike(typed, kind, who)
-    return Sharing(
+    found = Sharing(
         counts={kind: min(counts[kind], len(who)) for kind, who in shared.items()},
         operations=shared,
         busy={kind: _busy(typed, kind, who) for kind, who in shared.items() if kind in iterative},
         pairs=pairs(typed.graph.operations, shared.get("multiply_add", ())),
     )
+    return replace(found, buses=_buses(found))
+
+
+def _buses(shared: Sharing) -> int:
+    """One more than the sums of an interval need, so that few wait for one; not more than operators."""
+    needed = ceil(len(shared.pairs) / shared.bound)
+    return min(needed + 1, shared.counts["multiply_add"]) if shared.pairs else 0
 
 
 def pairs(operations: Sequence[Operation], who: Iterable[int]) -> dict[int, int]:

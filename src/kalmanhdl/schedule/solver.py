@@ -4,7 +4,7 @@ Effort is counted in the solver's own seconds, which do not depend on the machin
 seed searches: equal tasks give equal schedules.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from kalmanhdl.schedule.precedence import ISSUE, Precedence
 from kalmanhdl.schedule.sharing import Sharing
 
 if TYPE_CHECKING:
-    from ortools.sat.python.cp_model import CpModel, IntVar
+    from ortools.sat.python.cp_model import CpModel, IntervalVar, IntVar, LinearExprT
 
 MOST_SHARED = 400
 """With more operations on shared operators the solver finds nothing in reasonable time."""
@@ -34,6 +34,7 @@ class Problem:
 
     points: Precedence
     sharing: Sharing
+    registers: Sequence[int]
     interval: int
     longest: int
     latency: int
@@ -124,13 +125,26 @@ def _follow(model: "CpModel", problem: Problem, points: Points) -> None:
 
 
 def _take_turns(model: "CpModel", problem: Problem, points: Points) -> None:
-    interval = problem.interval
     for kind, who in problem.sharing.operations.items():
-        taken = []
-        for index in who:
-            busy = problem.sharing.cycles(kind, index)
-            phase = model.new_int_var(0, interval - busy, f"p{index}")
-            turn = model.new_int_var(0, problem.latency // interval, f"t{index}")
-            model.add(points[index] == interval * turn + phase)
-            taken.append(model.new_fixed_size_interval_var(phase, busy, f"i{index}"))
+        taken = [
+            _in_interval(model, problem, points[index], problem.sharing.cycles(kind, index), f"{index}")
+            for index in who
+        ]
         model.add_cumulative(taken, [1] * len(taken), problem.sharing.counts[kind])
+    leaving = [
+        _in_interval(model, problem, points[index] + problem.registers[index], 1, f"{index}_leaves")
+        for index in problem.sharing.pairs
+    ]
+    model.add_cumulative(leaving, [1] * len(leaving), problem.sharing.buses)
+
+
+def _in_interval(
+    model: "CpModel", problem: Problem, cycle: "LinearExprT", busy: int, name: str
+) -> "IntervalVar":
+    """The phases that an operation takes which begins in a cycle, all of one interval."""
+    interval = problem.interval
+    longest = problem.latency + max(problem.registers)
+    phase = model.new_int_var(0, interval - busy, f"p{name}")
+    turn = model.new_int_var(0, longest // interval, f"t{name}")
+    model.add(cycle == interval * turn + phase)
+    return model.new_fixed_size_interval_var(phase, busy, f"i{name}")

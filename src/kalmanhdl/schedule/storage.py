@@ -6,7 +6,7 @@ two have a value in the same cycle of the interval. Values of steps in successio
 one after the other, so that one may wait for longer than an interval.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from kalmanhdl.graph.operations import Coefficient, Constant, Flag, Input, State, StateFlag
@@ -20,9 +20,12 @@ _LEAST_ENTRIES = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """A value in a file, shifted left, from the end of cycle ``written`` until it is read in ``last``."""
+    """An integer in a file, shifted left, from the end of cycle ``written`` until it is read in ``last``.
 
-    value: int
+    It is all of ``values``, which came on one wire in one cycle.
+    """
+
+    values: tuple[int, ...]
     shift: int
     written: int
     last: int
@@ -36,6 +39,11 @@ class File:
     entries: tuple[Entry, ...]
     slots: int
     turns: int
+
+    @property
+    def kept(self) -> Iterator[tuple[int, Entry]]:
+        """Each value with its entry."""
+        return ((value, entry) for entry in self.entries for value in entry.values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +68,8 @@ class Port:
 def wires(plan: Plan) -> Wires:
     """The wires of a plan."""
     unit = {index: number for number, unit in enumerate(plan.units) for index in unit.operations}
-    return Wires(plan.typed, plan.start, tuple(map(plan.end, range(len(plan.start)))), unit)
+    bus = {index: number for number, bus in enumerate(plan.buses) for index in bus}
+    return Wires(plan.typed, plan.start, tuple(map(plan.end, range(len(plan.start)))), unit, bus)
 
 
 def standing(plan: Plan) -> tuple[int, ...]:
@@ -103,18 +112,16 @@ def _port(plan: Plan, reads: list[Read], stand: tuple[int, ...], wire_of: Wires)
     for read in reads:
         if read.cycle > stand[read.value]:
             group = groups.setdefault((source(wire_of.of(read.value)), read.shift), {})
-            entry = group.get(read.value) or Entry(
-                value=read.value, shift=read.shift, written=plan.end(read.value), last=read.cycle
-            )
-            group[read.value] = replace(entry, last=max(entry.last, read.cycle))
+            written = plan.end(read.value)
+            entry = group.get(written) or Entry(values=(), shift=read.shift, written=written, last=0)
+            values = tuple(dict.fromkeys((*entry.values, read.value)))
+            group[written] = replace(entry, values=values, last=max(entry.last, read.cycle))
     files = [
         _file(plan, entries)
         for entries in _written_apart(plan, groups.values())
         if len(entries) >= _LEAST_ENTRIES
     ]
-    place = {
-        (entry.value, entry.shift): number for number, file in enumerate(files) for entry in file.entries
-    }
+    place = {(value, entry.shift): number for number, file in enumerate(files) for value, entry in file.kept}
     found = (
         replace(read, file=place.get((read.value, read.shift))) if read.cycle > stand[read.value] else read
         for read in reads
@@ -144,7 +151,7 @@ def _file(plan: Plan, entries: list[Entry]) -> File:
     around = turns * plan.interval
     slots: list[list[Entry]] = []
     placed: list[Entry] = []
-    for entry in sorted(entries, key=lambda e: (e.written % around, e.value)):
+    for entry in sorted(entries, key=lambda e: (e.written % around, e.values)):
         slot = next((k for k, held in enumerate(slots) if not _meets(entry, held, around)), len(slots))
         if slot == len(slots):
             slots.append([])

@@ -7,14 +7,17 @@
     ...
     units
       multiply %7 %12 %30
+      ...
+      bus %41 %44
 
 The star marks an operation on multiplier blocks. Units are operators on which several operations take turns,
 each for so many cycles where a number stands behind the kind: ``divide:17``. ``multiply/2`` chooses operands
-in two steps.
+in two steps. On a ``bus`` sums of products leave their units.
 """
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 
 from kalmanhdl.errors import DesignError
 from kalmanhdl.graph.kinds import KINDS
@@ -29,6 +32,7 @@ _WHOLE = (
     *("recurrence_bound", "least_interval", "least_latency"),
 )
 _REAL = ("period_ns", "pipelined_period_ns")
+_BUS = "bus"
 
 
 def print_plan(plan: Plan) -> str:
@@ -40,8 +44,13 @@ def print_plan(plan: Plan) -> str:
         f"{plan.start[k]:5d} {plan.registers[k]:2d} {'*' if k in plan.on_multiplier_block else ' '} {line}"
         for k, line in enumerate(lines[:count])
     ]
-    units = [f"  {_kind(unit)} {' '.join(f'%{index}' for index in unit.operations)}" for unit in plan.units]
+    units = [f"  {_kind(unit)} {_names(unit.operations)}" for unit in plan.units]
+    units += [f"  {_BUS} {_names(bus)}" for bus in plan.buses]
     return "\n".join((*header, heading, *placed, *lines[count:], *(["units", *units] if units else [])))
+
+
+def _names(indices: Iterable[int]) -> str:
+    return " ".join(f"%{index}" for index in indices)
 
 
 def _kind(unit: Unit) -> str:
@@ -73,6 +82,7 @@ def parse_plan(text: str) -> Plan:
         starts.append(int(found[1]))
         registers.append(int(found[2]))
         bare.append(found[4])
+    units, buses = _parse_units(shared, text.count("\n") - shared.count("\n") + 1, len(starts))
     return Plan(
         typed=parse_typed_graph("\n".join((f"{before}operations", *bare, *lines[count:]))),
         start=tuple(starts),
@@ -87,22 +97,29 @@ def parse_plan(text: str) -> Plan:
         least_latency=int(numbers["least_latency"]),
         period_ns=numbers["period_ns"],
         pipelined_period_ns=numbers["pipelined_period_ns"],
-        units=_parse_units(shared, text.count("\n") - shared.count("\n") + 1, len(starts)),
+        units=units,
+        buses=buses,
     )
 
 
-def _parse_units(text: str, first: int, count: int) -> tuple[Unit, ...]:
-    found = []
+def _parse_units(text: str, first: int, count: int) -> tuple[tuple[Unit, ...], tuple[tuple[int, ...], ...]]:
+    """The units and the buses."""
+    found, buses = list[Unit](), list[tuple[int, ...]]()
     for number, line in enumerate(text.split("\n") if text else [], start=first):
         word, *names = line.split()
         front, colon, busy = word.partition(":")
         kind, slash, steps = front.partition("/")
         indices = [int(name[1:]) for name in names if re.fullmatch(r"%\d+", name)]
-        known = kind in KINDS and (not colon or busy.isdecimal()) and (not slash or steps in ("1", "2"))
+        known = (
+            kind in (*KINDS, _BUS) and (not colon or busy.isdecimal()) and (not slash or steps in ("1", "2"))
+        )
         if not known or not indices or len(indices) < len(names) or max(indices) >= count:
             raise misread(number, line, "a kind and the operations that share it, 'multiply %3 %5'")
+        if kind == _BUS:
+            buses.append(tuple(indices))
+            continue
         found.append(Unit(kind=kind, operations=tuple(indices), busy=int(busy or 1), steps=int(steps or 1)))
-    return tuple(found)
+    return tuple(found), tuple(buses)
 
 
 def _parse_header(text: str) -> dict[str, float]:

@@ -105,6 +105,7 @@ def _placed(
     registers, lasts, tails = pace.registers, pace.lasts, pace.step.tails
     starts, times = [0] * len(operations), [0] * len(operations)
     taken = {kind: [0] * interval for kind in counts}
+    leaving = [0] * interval
     for index in priority:
         ready = step.ready(index, times, reads.get(index, 0) << CYCLE_BITS)
         if isinstance(operations[index], Constant):
@@ -115,11 +116,14 @@ def _placed(
             continue
         cycle = max(0, (ready >> CYCLE_BITS) + (ready & OFFSET_MASK > 0))
         used, count = taken[kind], counts[kind]
-        if (busy := sharing.cycles(kind, index)) > 1:
-            found = _free(used, count, busy, cycle)
+        if index in sharing.pairs or sharing.cycles(kind, index) > 1:
+            full = [sums >= sharing.buses for sums in leaving] if index in sharing.pairs else None
+            found = _free(used, count, sharing.cycles(kind, index), cycle, full, registers[index])
             if found is None:
                 return None
             cycle = found
+            if full is not None:
+                leaving[(cycle + registers[index]) % interval] += 1
         else:
             while used[cycle % interval] >= count:
                 cycle += 1
@@ -128,11 +132,18 @@ def _placed(
     return starts, times
 
 
-def _free(used: list[int], count: int, busy: int, cycle: int) -> int | None:
-    """The first cycle from one on in which an operator is free for so long, which is then taken."""
+def _free(
+    used: list[int], count: int, busy: int, cycle: int, full: list[bool] | None, registers: int
+) -> int | None:
+    """The first cycle from one on in which an operator is free for so long, which is then taken.
+
+    What ends so many ``registers`` later does not do so in a phase that is ``full``.
+    """
     interval = len(used)
     for start in range(cycle, cycle + interval):
         phase = start % interval
+        if full is not None and full[(start + registers) % interval]:
+            continue
         if phase + busy <= interval and max(used[phase : phase + busy]) < count:
             for k in range(phase, phase + busy):
                 used[k] += 1
