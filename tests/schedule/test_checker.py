@@ -8,8 +8,11 @@ from graphs import alpha_beta, typed_graphs
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from kalmanhdl.design import Design
 from kalmanhdl.graph.operations import Constant, Reciprocal, State, operands
 from kalmanhdl.numerics.typed import TypedGraph
+from kalmanhdl.pipeline import numbers_of
+from kalmanhdl.pipeline import planned as planned_design
 from kalmanhdl.schedule.checker import problems
 from kalmanhdl.schedule.plan import Plan
 from planning import planned
@@ -54,6 +57,18 @@ ROOT = dict(PLAN.typed.graph.states)["P"]
 def test_a_wrong_plan_is_told_by_what_is_wrong(wrong: Plan, message: str):
     found = problems(wrong, PLAUSIBLE)
     assert any(message in problem for problem in found), found
+
+
+def test_what_leaves_on_buses_is_told_by_what_is_wrong():
+    design = Design.load("designs/liu2007_bierman_thornton.toml")
+    plan, part = planned_design(design, numbers_of(design)), design.target.part
+    assert problems(plan, part) == []
+    first, *others = plan.buses
+    assert others
+    without = replace(plan, buses=(first[1:], *others))
+    assert "the buses do not carry every sum of products once" in problems(without, part)
+    crowded = replace(plan, buses=(tuple(index for bus in plan.buses for index in bus),))
+    assert any("both leave on bus 0 in cycle" in problem for problem in problems(crowded, part))
 
 
 @settings(max_examples=60, deadline=None)
