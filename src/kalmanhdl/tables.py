@@ -260,6 +260,7 @@ def _turns(summary: Summary) -> list[tuple[str, str]]:
     if not summary.turns:
         return []
     shared = ", ".join(f"{count} {kind} on {summary.units[kind]}" for kind, count in summary.turns.items())
+    shared += f", whose sums leave on {summary.buses} buses" if summary.buses > 1 else ""
     loop = -(-summary.recurrence_bound_cycles // summary.channels)
     interval = _beside_least(summary.interval_cycles, summary.least_interval_cycles)
     return [

@@ -124,6 +124,7 @@ def _schedule(summary: Summary, architecture: Architecture) -> dict[str, Any]:
         "least_latency_cycles": summary.least_latency_cycles,
         "operator_bound_cycles": summary.operator_bound_cycles,
         "turns": summary.turns,
+        "buses": summary.buses,
         "distance_cycles": summary.distance_cycles,
         "shallower": summary.shallower,
         "loop": summary.loop,

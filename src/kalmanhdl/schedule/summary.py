@@ -44,7 +44,8 @@ class Summary:
     """A plan in numbers.
 
     ``units`` counts the operators of each kind; ``turns`` how many operations of a kind take turns on those
-    that are shared, which no interval below ``operator_bound_cycles`` allows. It is proven that no schedule
+    that are shared, which no interval below ``operator_bound_cycles`` allows; sums of products leave on
+    ``buses``. It is proven that no schedule
     on them has less than ``least_interval_cycles``, or, at this interval, than ``least_latency_cycles``.
     ``memory_bits`` keep their operands. ``busy[cycle]`` the operations of each kind that start
     in a cycle. ``register_bits`` are held between operators, ``operator_register_bits`` inside them, as
@@ -65,6 +66,7 @@ class Summary:
     operator_bound_cycles: int
     units: dict[str, int]
     turns: dict[str, int]
+    buses: int
     busy: tuple[dict[str, int], ...]
     multiplier_blocks: int
     register_bits: int
@@ -94,6 +96,7 @@ def summarise(plan: Plan, device: Device) -> Summary:
         operator_bound_cycles=plan.sharing.bound,
         units=_sorted(_units(plan, rows)),
         turns={kind: len(who) for kind, who in sorted(plan.sharing.operations.items())},
+        buses=len(plan.buses),
         busy=tuple(map(_sorted, busy)),
         multiplier_blocks=sum(library[index].blocks for index in _built(plan) & plan.on_multiplier_block),
         register_bits=_register_bits(plan, bits),
