@@ -29,7 +29,7 @@ ALGORITHMS: dict[str, Algorithm] = {
 # Of one track few operations are ready at a time: their sums take turns too. A multiplier has a block, the
 # reciprocals and the division of the second filter have three.
 _ONE_TRACK = {
-    "Taylor about I": {"multiply_add": 16, "multiply": 2, "reciprocal": 1},
+    "Taylor about I": {"multiply_add": 14, "multiply": 2, "reciprocal": 1},
     "Bierman-Thornton": {"multiply_add": 5, "multiply": 1, "reciprocal": 1},
 }
 # Slow enough that a product and its sum fit into one clock, which saves more clocks than it costs time.
